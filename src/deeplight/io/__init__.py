@@ -1,0 +1,1 @@
+"""Files in and out: photos, HDR images, video. Every write is atomic."""
