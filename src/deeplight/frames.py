@@ -1,0 +1,71 @@
+"""Axes and rotations: the only place that decides which way an axis points.
+
+The camera frame is right-handed: +X right, +Y up, +Z towards the camera, so the camera
+looks along -Z. A rotation reads as a map: `p_world = world_from_camera @ p_camera`.
+Arrays of directions hold the axes last, so a map over them is `directions @ matrix.T`.
+"""
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight.errors import ShapeError
+
+RIGHT = np.array([1.0, 0.0, 0.0])
+UP = np.array([0.0, 1.0, 0.0])
+VIEW = np.array([0.0, 0.0, -1.0])  # where the camera looks
+
+MIRROR_X = np.diag([-1.0, 1.0, 1.0])  # a scene and its horizontally flipped photo
+
+Rotation = Float[np.ndarray, "3 3"]
+Directions = Float[np.ndarray, "*batch 3"]
+
+
+def normalised(vectors: Directions) -> Directions:
+    """The vectors at unit length; a zero vector gives nan, which nothing downstream accepts."""
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def rotation(axis: Literal["x", "y", "z"], angle_rad: float) -> Rotation:
+    """Right-handed rotation about a coordinate axis."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    matrix = np.eye(3)
+    matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j] = cos, -sin, sin, cos
+    return matrix
+
+
+def world_from_camera(yaw_rad: float, pitch_rad: float = 0.0, roll_rad: float = 0.0) -> Rotation:
+    """How a hand holds the camera in a world whose +Y is up.
+
+    Positive yaw turns the view to the left, positive pitch raises it, positive roll turns
+    the camera counter-clockwise as its holder sees it.
+    """
+    return rotation("y", yaw_rad) @ rotation("x", pitch_rad) @ rotation("z", roll_rad)
+
+
+def looking_at(direction: Float[np.ndarray, "3"]) -> Rotation:
+    """`target_from_camera`: the frame whose -Z is `direction`, with +X kept level.
+
+    Section 3.1 of the paper re-samples each sphere with a camera oriented at its centre;
+    this is that camera. `direction` must not be straight up or down.
+    """
+    z = -normalised(direction)
+    x = np.cross(UP, z)
+    if np.linalg.norm(x) < 1e-6:
+        raise ShapeError("a direction away from the vertical", f"{direction}", "tilt it slightly")
+    x = normalised(x)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def require_rotation(matrix: np.ndarray, name: str) -> None:
+    """Raise ShapeError unless `matrix` is a proper 3x3 rotation."""
+    proper = matrix.shape == (3, 3) and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-5)
+    if not proper or np.linalg.det(matrix) < 0:
+        raise ShapeError(f"{name} as a 3x3 rotation", f"{matrix!r}", "build it with frames")
+
+
+def turned(directions: Directions, new_from_old: Rotation) -> Directions:
+    """The same directions, written in the new frame."""
+    return directions @ new_from_old.T.astype(directions.dtype)

@@ -1,0 +1,135 @@
+"""A sphere under each single direction of light: the basis of image-based relighting.
+
+Section 3.3. Light is constant over each pixel of the mirror ball, so a weight is the
+integral of the sphere's reflection over that pixel; the solid angle is inside it and white
+light gives the sphere's reflectivity.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight import brdf, mirror_ball
+from deeplight.errors import ShapeError
+from deeplight.lighting import LIGHTING_SIZE
+from deeplight.sphere import Rig, SphereView
+
+
+@dataclass(frozen=True)
+class ReflectanceBasis:
+    """One sphere's basis images.
+
+    Attributes:
+        weights: (pixels of the crop, pixels of the lighting), both row-major; rows of
+            pixels that do not show the sphere are zero. Read-only.
+        view: the sphere and its frame; light is in the camera frame.
+        light_size: pixels along the lighting's mirror ball.
+    """
+
+    weights: Float[np.ndarray, "pixels lights"]
+    view: SphereView
+    light_size: int
+
+    def __post_init__(self) -> None:
+        wanted = (self.view.size**2, self.light_size**2)
+        if self.weights.shape != wanted or not np.isfinite(self.weights).all():
+            raise ShapeError(f"finite weights {wanted}", f"{self.weights.shape}", "rebuild it")
+        self.weights.setflags(write=False)
+
+    def furnace(self) -> Float[np.ndarray, "size size"]:
+        """The sphere in white light of radiance 1: its certificate."""
+        return self.weights.sum(axis=1).reshape(self.view.size, self.view.size)
+
+
+def analytic_basis(
+    material: str, view: SphereView, light_size: int = LIGHTING_SIZE
+) -> ReflectanceBasis:
+    """The basis of one of `brdf.REFLECTIVITY`'s materials as seen in `view`.
+
+    The mirror is one-hot where the paper's is (a distant sphere on the view axis): each
+    pixel shows the one pixel of light it reflects. Turned into a sphere's own frame it
+    becomes the area average over the pixels of light that a crop pixel covers.
+    """
+    builders = {"mirror": _mirror, "matte_silver": _matte_silver, "diffuse": _diffuse}
+    if material not in builders:
+        raise ShapeError(f"one of {tuple(builders)}", material, "name a reference sphere")
+    weights = builders[material](view, light_size)
+    weights[~(view.alpha().ravel() > 0)] = 0
+    return ReflectanceBasis(weights.astype(np.float32), view, light_size)
+
+
+def rig_bases(rig: Rig, light_size: int = LIGHTING_SIZE) -> dict[str, ReflectanceBasis]:
+    """The analytic basis of each of a rig's spheres (kept in memory; values are read-only)."""
+    key = tuple(
+        (name, view.ball_from_camera.tobytes(), view.angular_radius_rad, view.size)
+        for name, view in rig.views.items()
+    )
+    return dict(_rig_bases(key, light_size))
+
+
+@lru_cache(maxsize=8)
+def _rig_bases(
+    key: tuple[tuple[str, bytes, float, int], ...], light_size: int
+) -> dict[str, ReflectanceBasis]:
+    views = {n: SphereView(np.frombuffer(b).reshape(3, 3), a, s) for n, b, a, s in key}
+    return {name: analytic_basis(name, view, light_size) for name, view in views.items()}
+
+
+def _mirror(view: SphereView, light_size: int) -> np.ndarray:
+    supersample = 8
+    directions = view.reflected(supersample)
+    light = mirror_ball.pixel_of_directions(directions, light_size)
+    inside = np.hypot(*mirror_ball.grid(view.size, supersample)) <= 1
+    n, s = view.size, supersample
+    row, column = np.divmod(np.arange((n * s) ** 2), n * s)
+    pixel = row // s * n + column // s
+    kept = inside.ravel()
+    index = pixel[kept] * light_size**2 + light.ravel()[kept]
+    weights = np.bincount(index, minlength=n * n * light_size**2).reshape(n * n, -1)
+    return weights * (brdf.REFLECTIVITY["mirror"] / np.maximum(weights.sum(1, keepdims=True), 1))
+
+
+def _diffuse(view: SphereView, light_size: int) -> np.ndarray:
+    directions, solid_angle = _light_samples(light_size)
+    normals = _by_sample(view, view.normals(2), 2)
+    weights = sum(np.maximum(n @ directions.T, 0) for n in normals) * (solid_angle / 4 / np.pi)
+    return _by_light(weights, light_size) * brdf.REFLECTIVITY["diffuse"]
+
+
+def _matte_silver(view: SphereView, light_size: int) -> np.ndarray:
+    """GGX, each row scaled so that white light gives the measured reflectivity."""
+    directions, solid_angle = _light_samples(light_size)
+    normals, views = (view.normals().reshape(-1, 3), view.views().reshape(-1, 3))
+    rows = [
+        _by_light(brdf.rough_specular(n, directions, v)[None] * solid_angle, light_size)
+        for n, v in zip(normals.astype(np.float32), views.astype(np.float32), strict=True)
+    ]
+    weights = np.concatenate(rows)
+    return weights * (
+        brdf.REFLECTIVITY["matte_silver"] / np.maximum(weights.sum(1, keepdims=True), 1e-9)
+    )
+
+
+def _light_samples(light_size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Directions spread over every pixel of light, and the solid angle of each."""
+    supersample = _light_supersample(light_size)
+    directions, inside = mirror_ball.subpixels(light_size, supersample)
+    share = inside / np.maximum(inside.sum(axis=1, keepdims=True), 1)
+    solid_angle = share * mirror_ball.solid_angles(light_size).reshape(-1, 1)
+    return directions.reshape(-1, 3).astype(np.float32), solid_angle.ravel().astype(np.float32)
+
+
+def _light_supersample(light_size: int) -> int:
+    return max(1, -(-4 * LIGHTING_SIZE // light_size))  # the paper's 4 x 4 on a 32 ball
+
+
+def _by_light(weights: np.ndarray, light_size: int) -> np.ndarray:
+    return weights.reshape(len(weights), light_size**2, -1).sum(axis=2)
+
+
+def _by_sample(view: SphereView, values: np.ndarray, supersample: int) -> list[np.ndarray]:
+    """Values at each of the supersample^2 places in every pixel, as (pixels, 3) arrays."""
+    s = supersample
+    return [values[i::s, j::s].reshape(-1, 3).astype(np.float32) for i in range(s) for j in range(s)]

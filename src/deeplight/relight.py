@@ -1,0 +1,38 @@
+"""Equations 1 and 2: a sphere in any light, as a weighted sum of its basis images."""
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight.errors import ShapeError
+from deeplight.lighting import Lighting
+from deeplight.reflectance import ReflectanceBasis, rig_bases
+from deeplight.sphere import Rig
+
+
+def relight(basis: ReflectanceBasis, lighting: Lighting) -> Float[np.ndarray, "size size 3"]:
+    """Render a sphere under `lighting` as a weighted sum of its basis images.
+
+    Equation 1 of LeGendre et al., CVPR 2019. The solid angle of each direction is already
+    inside `basis.weights`, so the sum has no extra factor.
+
+    Returns:
+        Linear radiance of the sphere, in the units of `lighting.radiance`; not clipped;
+        zero off the sphere.
+
+    Raises:
+        ShapeError: the basis was built for another ball size.
+    """
+    if basis.light_size != lighting.size:
+        raise ShapeError(
+            f"lighting of {basis.light_size} x {basis.light_size}",
+            f"{lighting.size} x {lighting.size}",
+            "build the basis with light_size=lighting.size",
+        )
+    size = basis.view.size
+    return (basis.weights @ lighting.radiance.reshape(-1, 3)).reshape(size, size, 3)
+
+
+def relight_rig(rig: Rig, lighting: Lighting) -> dict[str, Float[np.ndarray, "size size 3"]]:
+    """All three spheres of a rig under `lighting`, each in its own frame; linear radiance."""
+    bases = rig_bases(rig, lighting.size)
+    return {name: relight(basis, lighting) for name, basis in bases.items()}
