@@ -1,0 +1,74 @@
+"""What a photo's EXIF data says about its camera: orientation and field of view."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Shaped
+
+DIAGONAL_35MM_MM = math.hypot(36, 24)
+"""Diagonal of 35 mm film, 43.27 mm: what "35 mm equivalent" compares (CIPA DCG-001)."""
+
+PLAUSIBLE_FOV_RAD = (math.radians(3), math.radians(150))
+MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit
+
+
+@dataclass(frozen=True)
+class Exif:
+    """The EXIF entries that lighting needs; 0 or None where the file says nothing.
+
+    Attributes:
+        orientation: 1 to 8, how to turn the stored rows and columns upright.
+        focal_length_35mm_mm: FocalLengthIn35mmFilm.
+        focal_length_mm: FocalLength, the real one.
+        focal_plane_x_resolution: sensor pixels per unit along the stored rows.
+        focal_plane_unit: 2 inch, 3 cm, 4 mm, 5 um.
+        original_width: PixelXDimension, the stored width when the resolution was written.
+    """
+
+    orientation: int = 1
+    focal_length_35mm_mm: float = 0.0
+    focal_length_mm: float = 0.0
+    focal_plane_x_resolution: float = 0.0
+    focal_plane_unit: int = 2
+    original_width: int = 0
+
+    def focal_length_px(self, stored_width: int, stored_height: int) -> float | None:
+        """Give the focal length in pixels of the stored picture, None where EXIF does not tell.
+
+        The 35 mm figure compares diagonals, so it needs no care for orientation or aspect.
+        """
+        if self.focal_length_35mm_mm > 0:
+            diagonal = math.hypot(stored_width, stored_height)
+            return self.focal_length_35mm_mm / DIAGONAL_35MM_MM * diagonal
+        unit_mm = MM_PER_UNIT.get(self.focal_plane_unit)
+        if unit_mm and self.focal_length_mm > 0 and self.focal_plane_x_resolution > 0:
+            # A picture made smaller later keeps the resolution of the original.
+            shrunk = stored_width / self.original_width if self.original_width > 0 else 1.0
+            return self.focal_length_mm * self.focal_plane_x_resolution / unit_mm * shrunk
+        return None
+
+    def vertical_fov_rad(self, stored_width: int, stored_height: int) -> float | None:
+        """Give the upright picture's vertical field of view, None if unknown or implausible."""
+        focal = self.focal_length_px(stored_width, stored_height)
+        if focal is None or not math.isfinite(focal):
+            return None
+        upright_height = stored_width if self.orientation in (5, 6, 7, 8) else stored_height
+        fov = 2 * math.atan(upright_height / 2 / focal)
+        return fov if PLAUSIBLE_FOV_RAD[0] <= fov <= PLAUSIBLE_FOV_RAD[1] else None
+
+
+def upright(
+    stored: Shaped[np.ndarray, "stored_height stored_width channels"], orientation: int
+) -> Shaped[np.ndarray, "height width channels"]:
+    """Turn stored pixels upright by EXIF orientation 1 to 8; other values change nothing.
+
+    Returns:
+        A view: turning 12 megapixels for real would cost more than decoding them did.
+    """
+    turned = stored.transpose(1, 0, 2) if orientation in (5, 6, 7, 8) else stored
+    if orientation in (3, 4, 7, 8):
+        turned = turned[::-1]
+    if orientation in (2, 3, 6, 7):
+        turned = turned[:, ::-1]
+    return turned

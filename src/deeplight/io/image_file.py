@@ -1,0 +1,86 @@
+"""Open an image file with OpenImageIO: every failure becomes one clear error.
+
+The size is checked from the header, before a single pixel is decoded.
+"""
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import OpenImageIO as oiio
+
+from deeplight.errors import ImageFileError
+
+MAX_SIDE = 30_000
+"""Longest side in pixels that is read; longer ones are mistakes or attacks."""
+
+
+def first_bytes(path: Path, count: int = 16) -> bytes:
+    """Read the start of a regular file.
+
+    Raises:
+        OSError: there is no such file, it is a folder, or reading it is not permitted.
+        ImageFileError: the file is empty or no regular file.
+    """
+    mode = path.stat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # opening a pipe would wait for ever
+        raise ImageFileError("an image file", f"{path}, a device or pipe", "give a regular file")
+    with path.open("rb") as file:
+        start = file.read(count)
+    if not start:
+        raise ImageFileError("an image file", f"{path}, 0 bytes long", "copy or download it again")
+    return start
+
+
+@contextmanager
+def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
+    """Open `path` and check its size, header only. Alpha stays unassociated.
+
+    Raises:
+        OSError: there is no such file, it is a folder, or reading it is not permitted.
+        ImageFileError: not an image, a damaged header, or more than `max_pixels` or `MAX_SIDE`.
+    """
+    first_bytes(path)
+    try:
+        name = os.fsencode(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        got = f"{ascii(str(path))}, whose name is not UTF-8"
+        raise ImageFileError("an image file", got, "rename it") from error
+    straight_alpha = oiio.ImageSpec()
+    straight_alpha.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageInput.open(name, straight_alpha)
+    if file is None:
+        raise not_an_image(path, oiio.geterror())
+    try:
+        check_size(path, file.spec().width, file.spec().height, max_pixels)
+        yield file
+    finally:
+        file.close()
+
+
+def check_size(path: Path, width: int, height: int, max_pixels: int) -> None:
+    """Refuse an image that is too large to decode.
+
+    Raises:
+        ImageFileError: a side over `MAX_SIDE`, or more than `max_pixels` in all.
+    """
+    if max(width, height) <= MAX_SIDE and width * height <= max_pixels:
+        return
+    expected = f"at most {MAX_SIDE} pixels a side and {max_pixels / 1e6:.0f} megapixels in all"
+    raise ImageFileError(expected, f"{path} of {width} x {height}", "make it smaller first")
+
+
+def not_an_image(path: Path, reason: str) -> ImageFileError:
+    """Make the error for a file that no decoder takes."""
+    reason = " ".join(reason.replace(str(path), "the file").split())[:160]
+    got = f"{path}, which cannot be read ({reason})" if reason else f"{path}, which cannot be read"
+    return ImageFileError("an image file", got, "check that it is a complete picture")
+
+
+def damaged(path: Path, reason: str) -> ImageFileError:
+    """Make the error for an image whose header is fine and whose pixels are not."""
+    lines = reason.strip().splitlines() or ["decoding failed"]
+    got = f"{path}, truncated or damaged ({lines[0][:160]})"
+    return ImageFileError("a complete image file", got, "copy or download it again")
