@@ -1,0 +1,61 @@
+# `make run` and `make test` do all set-up on a fresh machine with Python 3.11 and make.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+JOBS ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+EXTRAS := capture,dev,heic,render,train
+
+# The tests run in $(JOBS) processes; without this each would start a thread per core.
+export OMP_NUM_THREADS ?= 1
+
+.DEFAULT_GOAL := help
+.PHONY: help run test lint ci bench clean
+
+help:
+	@echo "make run    estimate the light of the example photos (small install, no torch)"
+	@echo "make test   run the tests (installs everything, CPU torch too)"
+	@echo "make lint   ruff, mypy, import rules"
+	@echo "make ci     what CI runs: lint and test"
+	@echo "make bench  run every script in benchmarks/"
+	@echo "make clean  remove the virtual environment and caches"
+
+run: $(VENV)/.installed-base
+	$(BIN)/deeplight estimate examples/photos --out out/examples
+	@echo
+	@echo "To look at: out/examples/*.preview.png (the photo, its light, the three spheres)"
+	@echo "To light with: out/examples/*.exr, described by *.json"
+
+test: $(VENV)/.installed-test
+	$(BIN)/pytest -n $(JOBS)
+
+lint: $(VENV)/.installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+ci: lint test
+
+bench: $(VENV)/.installed-test
+	set -e; for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+
+clean:
+	rm -rf $(VENV) .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
+
+# Stamps, so that a second `make` starts at once and a changed dependency list installs again.
+
+$(VENV)/.created:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "DeepLight needs Python 3.11 or newer: make PYTHON=/path/to/python3.11"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/.installed-base: pyproject.toml | $(VENV)/.created
+	$(PIP) install --quiet --editable .
+	@touch $@
+
+$(VENV)/.installed-test: pyproject.toml constraints.txt | $(VENV)/.created
+	$(PIP) install --quiet --editable ".[$(EXTRAS)]" --constraint constraints.txt
+	@touch $@ $(VENV)/.installed-base

@@ -1,0 +1,127 @@
+"""The `deeplight` command: find the verb, run it, turn errors into exit codes.
+
+Exit code 0: done. 2: bad input, told in one line. 1: a bug, with its traceback. 130: interrupted.
+"""
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from types import ModuleType
+
+from deeplight.errors import InputError, MissingExtraError
+
+VERBS = {
+    "estimate": "photos or a video in, HDR light out: .exr, .json and a preview",
+    "simulate": "film the three spheres in HDR panoramas: a data set",
+    "train": "train the network on a data set",
+    "evaluate": "measure an estimator on a data set, beside trivial baselines",
+}
+"""Verb -> help line. Only the module of the verb asked for, `deeplight.cli.<verb>`, is loaded."""
+
+EXTRA_OF = {
+    "av": "capture",
+    "cv2": "capture",
+    "lightning_fabric": "train",
+    "matplotlib": "train",
+    "mitsuba": "render",
+    "onnx": "export",
+    "onnxscript": "train",
+    "pillow_heif": "heic",
+    "safetensors": "train",
+    "tensorboard": "train",
+    "torch": "train",
+}
+"""Optional package -> the extra that installs it."""
+
+BAD_INPUT = 2
+INTERRUPTED = 128 + 2  # what a shell reports for SIGINT
+BROKEN_PIPE = 128 + 13  # and for SIGPIPE
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and give its exit code; a bug leaves as the exception it is."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if not words:
+        return _complain("deeplight", f"expected a verb: {', '.join(VERBS)}; see deeplight --help")
+    verb = words[0]
+    if verb in ("-h", "--help"):
+        sys.stdout.write(_help())
+        return 0
+    if verb in ("-V", "--version"):
+        sys.stdout.write(f"deeplight {version('deeplight')}\n")
+        return 0
+    if verb not in VERBS:
+        return _complain("deeplight", f"'{verb}' is no verb; {_suggestion(verb)}")
+    return _run(verb, words[1:])
+
+
+def _run(verb: str, words: list[str]) -> int:
+    program = f"deeplight {verb}"
+    try:
+        module = importlib.import_module(f"deeplight.cli.{verb}")
+        module.run(_parse(module, program, words))
+        sys.stdout.flush()  # a reader that has gone away shows here at the latest
+    except BrokenPipeError:
+        # Python flushes once more at exit and would complain then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except KeyboardInterrupt:
+        _complain(program, "interrupted")
+        return INTERRUPTED
+    except InputError as error:
+        return _complain(program, str(error))
+    except OSError as error:
+        return _complain(program, _told(error))
+    except ModuleNotFoundError as error:
+        extra = EXTRA_OF.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        return _complain(program, str(MissingExtraError(extra, f"`{program}`")))
+    return 0
+
+
+def _parse(module: ModuleType, program: str, words: list[str]) -> object:
+    """Turn the words into the verb's `Args`; a wrong flag or --help leaves by SystemExit."""
+    import tyro  # here, since `deeplight --help` does not need it
+
+    return tyro.cli(module.Args, args=words, prog=program, description=module.__doc__)
+
+
+def _told(error: OSError) -> str:
+    """Say an operating system's error without its number."""
+    if error.strerror is None:
+        return str(error)
+    names = " -> ".join(str(name) for name in (error.filename, error.filename2) if name is not None)
+    return f"{names}: {error.strerror}" if names else error.strerror
+
+
+def _complain(program: str, message: str) -> int:
+    sys.stderr.write(f"{program}: {' '.join(message.split())}\n")
+    return BAD_INPUT
+
+
+def _suggestion(word: str) -> str:
+    import difflib
+
+    near = difflib.get_close_matches(word.lower(), VERBS, n=1)
+    return f"did you mean '{near[0]}'?" if near else f"one of: {', '.join(VERBS)}"
+
+
+def _help() -> str:
+    verbs = "\n".join(f"  {verb:<10} {text}" for verb, text in VERBS.items())
+    return f"""usage: deeplight VERB ...
+
+HDR lighting from one photo.
+
+verbs:
+{verbs}
+
+options:
+  -h, --help     show this
+  -V, --version  show the version
+
+`deeplight VERB --help` tells a verb's options, with an example:
+  deeplight estimate photo.jpg --out out
+"""
