@@ -1,0 +1,147 @@
+"""What a caller must do to run a model, stored inside the model file itself."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+
+from deeplight.brdf import REFLECTIVITY
+from deeplight.camera import (
+    BACKGROUND_FRACTION,
+    BACKGROUND_HEIGHT,
+    BACKGROUND_WIDTH,
+    FRAME_HEIGHT,
+    FRAME_WIDTH,
+    TRAINED_VERTICAL_FOV_RAD,
+)
+from deeplight.camera_response import GAMMA, SOFT_CLIP_N
+from deeplight.errors import ModelError
+
+CONTRACT_KEY = "deeplight.contract"
+"""Name of the metadata entry of an ONNX file that holds the contract."""
+
+CONTRACT_VERSION = 1
+
+_REMEDY = "use a model exported by this version of deeplight, or update deeplight"
+
+
+@dataclass(frozen=True)
+class ModelContract:
+    """Sizes, ranges, geometry and units of one trained model.
+
+    A model file without a contract, or with one this version does not know, is refused: a wrong
+    crop or a wrong gamma would still give a plausible picture and silently wrong light.
+
+    Raises:
+        ModelError: the version is unknown, or a value is one this version cannot serve.
+    """
+
+    version: int = CONTRACT_VERSION
+    input_name: str = "photo"
+    input_layout: str = "NCHW, RGB, gamma-encoded"
+    width: int = BACKGROUND_WIDTH
+    height: int = BACKGROUND_HEIGHT
+    input_low: float = -0.5  # value of pixel 0
+    input_high: float = 0.5  # value of pixel 255
+    output_name: str = "log_radiance"
+    output_layout: str = "NCHW, RGB"
+    output_size: int = 32
+    output_quantity: str = "ln radiance"  # the caller applies exp, in float32
+    output_mapping: str = "mirror ball"
+    output_frame: str = "camera: +X right, +Y up, +Z towards the camera"
+    output_unit: str = "1.0 = the camera's white"
+    vertical_fov_deg: float = round(
+        math.degrees(TRAINED_VERTICAL_FOV_RAD), 9
+    )  # of the full training frame
+    frame_aspect: float = FRAME_WIDTH / FRAME_HEIGHT  # width / height of the full training frame
+    background_top: float = 0.0  # the input shows the rows from here ...
+    background_fraction: float = BACKGROUND_FRACTION  # ... to here, as fractions of the frame
+    gamma: float = GAMMA
+    soft_clip_n: float = SOFT_CLIP_N
+    reflectivity: Mapping[str, float] = field(default_factory=lambda: dict(REFLECTIVITY))
+    trained_on: str = ""  # data set, places and steps, in words
+
+    def __post_init__(self) -> None:
+        if self.version != CONTRACT_VERSION:
+            raise _unknown_version(self.version)
+        served = {
+            "input_layout": "NCHW, RGB, gamma-encoded",
+            "output_layout": "NCHW, RGB",
+            "output_quantity": "ln radiance",
+            "output_mapping": "mirror ball",
+            "output_frame": "camera: +X right, +Y up, +Z towards the camera",
+            "output_unit": "1.0 = the camera's white",
+        }
+        for name, value in served.items():
+            if getattr(self, name) != value:
+                got = f"{getattr(self, name)!r}"
+                raise ModelError(f"a model whose {name} is {value!r}", got, _REMEDY)
+        self._check_numbers()
+
+    def _check_numbers(self) -> None:
+        sane = {
+            "width": self.width > 0,
+            "height": self.height > 0,
+            "output_size": self.output_size > 0,
+            "input_high": self.input_high > self.input_low,
+            "vertical_fov_deg": 0 < self.vertical_fov_deg < 180,
+            "frame_aspect": self.frame_aspect > 0,
+            "background_fraction": 0 <= self.background_top < self.background_fraction <= 1,
+            "gamma": self.gamma > 0,
+            "soft_clip_n": self.soft_clip_n > 0,
+        }
+        for name, holds in sane.items():
+            if not holds:
+                got = f"{getattr(self, name)!r}"
+                raise ModelError(f"a possible {name} in the model contract", got, _REMEDY)
+
+    @property
+    def top(self) -> float:
+        """Upper edge of the input on the image plane at distance 1, upwards from the axis."""
+        return self._half_height * (1 - 2 * self.background_top)
+
+    @property
+    def bottom(self) -> float:
+        """Lower edge of the input on the image plane at distance 1 (negative: below the axis)."""
+        return self._half_height * (1 - 2 * self.background_fraction)
+
+    @property
+    def right(self) -> float:
+        """Right edge of the input on the image plane at distance 1; the left one is its mirror."""
+        return self._half_height * self.frame_aspect
+
+    @property
+    def _half_height(self) -> float:
+        return math.tan(math.radians(self.vertical_fov_deg) / 2)
+
+    def to_json(self) -> str:
+        """Give the text to store under `CONTRACT_KEY`."""
+        return json.dumps(asdict(self), indent=1)
+
+    @classmethod
+    def from_json(cls, text: str) -> "ModelContract":
+        """Read what `to_json` wrote.
+
+        Raises:
+            ModelError: not JSON, another version, or entries missing, unknown or of a wrong type.
+        """
+        try:
+            entries = json.loads(text)
+        except ValueError as error:
+            raise ModelError("a model contract in JSON", str(error), _REMEDY) from error
+        if not isinstance(entries, dict):
+            raise ModelError("a model contract (a JSON object)", type(entries).__name__, _REMEDY)
+        if entries.get("version") != CONTRACT_VERSION:
+            raise _unknown_version(entries.get("version"))
+        known = {entry.name for entry in fields(cls)}
+        if entries.keys() != known:
+            got = f"wrong or missing entries: {', '.join(sorted(entries.keys() ^ known))}"
+            raise ModelError("a complete model contract", got, _REMEDY)
+        try:
+            return cls(**entries)
+        except TypeError as error:
+            raise ModelError("numbers in the model contract", str(error), _REMEDY) from error
+
+
+def _unknown_version(version: object) -> ModelError:
+    return ModelError(f"model contract version {CONTRACT_VERSION}", f"version {version!r}", _REMEDY)

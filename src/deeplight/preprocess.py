@@ -1,0 +1,211 @@
+"""Photo to network input: the one definition used by data set, training, runtime and web demo.
+
+The network was trained on one camera: a portrait 9:16 frame with a vertical field of view of 66
+degrees, of which it sees the upper 80 % (`ModelContract` holds these numbers). A photo of any size,
+aspect and field of view is brought to that view: on the image plane at distance 1 it is the
+rectangle from +tan 33 down to -0.6 tan 33 and 9/16 tan 33 to either side, around the photo's
+centre. Each of the 135 x 192 cells is the exact area average of the photo's pixels under it, in
+the photo's own gamma-encoded values. Where the photo does not reach, its edge pixels go on.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal, get_args
+
+import numpy as np
+from jaxtyping import Float, Float32, Shaped, UInt8
+
+from deeplight.camera import BACKGROUND_HEIGHT, BACKGROUND_WIDTH, TRAINED_VERTICAL_FOV_RAD
+from deeplight.contract import ModelContract
+from deeplight.errors import ShapeError
+
+FovSource = Literal["given", "exif", "assumed"]
+
+ASSUMED_LONG_SIDE_FOV_RAD = TRAINED_VERTICAL_FOV_RAD
+"""Field of view of the photo's long side when nothing states it: a phone's main camera."""
+
+
+@dataclass(frozen=True)
+class Framing:
+    """Where the trained camera's view lies in one photo.
+
+    The edges are in pixels of the upright photo, from its upper left corner; pixel (row, column)
+    covers [row, row + 1] x [column, column + 1]. They may lie outside the photo.
+    """
+
+    photo_height: int
+    photo_width: int
+    top: float
+    bottom: float
+    left: float
+    right: float
+    vertical_fov_rad: float  # of the whole photo, as used
+    fov_source: FovSource
+    input_height: int = BACKGROUND_HEIGHT
+    input_width: int = BACKGROUND_WIDTH
+
+    @property
+    def visible_fraction(self) -> float:
+        """Part of the trained view that the photo shows, by image area; 1.0 is all of it."""
+        rows = min(self.bottom, self.photo_height) - max(self.top, 0.0)
+        columns = min(self.right, self.photo_width) - max(self.left, 0.0)
+        whole = (self.bottom - self.top) * (self.right - self.left)
+        return min(rows * columns / whole, 1.0)
+
+    @property
+    def used_fraction(self) -> float:
+        """Part of the photo that the network sees, by area; the rest was cropped away."""
+        whole = (self.bottom - self.top) * (self.right - self.left)
+        return min(self.visible_fraction * whole / (self.photo_height * self.photo_width), 1.0)
+
+
+def frame_photo(
+    height: int,
+    width: int,
+    vertical_fov_rad: float | None = None,
+    fov_source: FovSource = "given",
+    contract: ModelContract | None = None,
+) -> Framing:
+    """Find the trained camera's view in an upright photo of `height` x `width` square pixels.
+
+    The optical axis is taken to pass through the photo's centre. Without a field of view the long
+    side is assumed to span 66 degrees, whatever `fov_source` says.
+
+    Raises:
+        ShapeError: the field of view is not inside (0, pi).
+    """
+    contract = contract or ModelContract()
+    if fov_source not in get_args(FovSource):
+        raise ShapeError(f"a source out of {get_args(FovSource)}", repr(fov_source), "name one")
+    if vertical_fov_rad is None:
+        focal = max(height, width) / 2 / math.tan(ASSUMED_LONG_SIDE_FOV_RAD / 2)  # in pixels
+        vertical_fov_rad, fov_source = 2 * math.atan(height / 2 / focal), "assumed"
+    elif 0 < vertical_fov_rad < math.pi:
+        focal = height / 2 / math.tan(vertical_fov_rad / 2)
+    else:
+        got = f"{math.degrees(vertical_fov_rad):g}"
+        raise ShapeError("a field of view between 0 and 180 degrees", got, "correct it")
+    return Framing(
+        photo_height=height,
+        photo_width=width,
+        top=height / 2 - focal * contract.top,
+        bottom=height / 2 - focal * contract.bottom,
+        left=width / 2 - focal * contract.right,
+        right=width / 2 + focal * contract.right,
+        vertical_fov_rad=vertical_fov_rad,
+        fov_source=fov_source,
+        input_height=contract.height,
+        input_width=contract.width,
+    )
+
+
+def network_input(
+    photo: Shaped[np.ndarray, "height width 3"], framing: Framing
+) -> Float32[np.ndarray, "3 input_height input_width"]:
+    """Average the photo over the cells of `framing` and bring it to [-0.5, 0.5].
+
+    Args:
+        photo: upright, RGB, gamma-encoded: uint8, uint16 or float in [0, 1].
+
+    Raises:
+        ShapeError: the photo's size is not that of `framing`, or its type or range is another.
+    """
+    cells: np.ndarray = _cell_means(photo, framing) - np.float32(0.5)
+    return np.ascontiguousarray(cells.transpose(2, 0, 1))
+
+
+def background(
+    photo: Shaped[np.ndarray, "height width 3"], framing: Framing
+) -> UInt8[np.ndarray, "input_height input_width 3"]:
+    """Give the same cells as `network_input`, rounded to 8 bits: what the data set stores."""
+    levels: np.ndarray = np.floor(_cell_means(photo, framing) * np.float32(255) + np.float32(0.5))
+    return levels.astype(np.uint8)
+
+
+def normalise(
+    backgrounds: UInt8[np.ndarray, "*batch height width 3"],
+) -> Float32[np.ndarray, "*batch 3 height width"]:
+    """Bring stored backgrounds, one or a batch, to the network's layout and [-0.5, 0.5]."""
+    scaled = backgrounds.astype(np.float32) / np.float32(255) - np.float32(0.5)
+    return np.ascontiguousarray(np.moveaxis(scaled, -1, -3))
+
+
+def _cell_means(
+    photo: Shaped[np.ndarray, "height width 3"], framing: Framing
+) -> Float32[np.ndarray, "input_height input_width 3"]:
+    """Average the photo over the cells of `framing`; values in [0, 1]."""
+    expected = (framing.photo_height, framing.photo_width, 3)
+    if photo.shape != expected:
+        raise ShapeError(f"a photo of shape {expected}", f"{photo.shape}", "frame this photo first")
+    row_edges = np.linspace(framing.top, framing.bottom, framing.input_height + 1)
+    column_edges = np.linspace(framing.left, framing.right, framing.input_width + 1)
+    cells = _averages_in_memory_order(photo, row_edges, column_edges)
+    cells /= np.float32(_white(photo.dtype))
+    if not (cells.min() > -1e-3 and cells.max() < 1 + 1e-3):  # false for nan as well
+        raise ShapeError("a float photo within [0, 1]", "values outside it", "encode it first")
+    return cells.clip(0, 1)  # rounding may leave it by an ulp
+
+
+def _averages_in_memory_order(
+    photo: Shaped[np.ndarray, "height width 3"],
+    row_edges: Float[np.ndarray, " rows"],
+    column_edges: Float[np.ndarray, " columns"],
+) -> Float32[np.ndarray, "cell_rows cell_columns 3"]:
+    """Average over both axes, walking the pixels as they lie in memory.
+
+    A photo turned upright by its EXIF orientation is a view with swapped or negative strides.
+    Reading that view row by row is ten times slower, so it is the small result that gets turned.
+    """
+    if abs(photo.strides[0]) < abs(photo.strides[1]):
+        turned = _averages_in_memory_order(photo.transpose(1, 0, 2), column_edges, row_edges)
+        return turned.transpose(1, 0, 2)
+    if photo.strides[0] < 0:
+        flipped_edges = len(photo) - row_edges[::-1]
+        return _averages_in_memory_order(photo[::-1], flipped_edges, column_edges)[::-1]
+    if photo.strides[1] < 0:
+        mirrored_edges = photo.shape[1] - column_edges[::-1]
+        return _averages_in_memory_order(photo[:, ::-1], row_edges, mirrored_edges)[:, ::-1]
+    first = int(np.clip(np.floor(column_edges[0]), 0, photo.shape[1] - 1))
+    last = int(np.clip(np.ceil(column_edges[-1]), first + 1, photo.shape[1]))
+    strips = _interval_means(photo[:, first:last], row_edges)
+    columns = np.ascontiguousarray(strips.transpose(1, 0, 2))  # or the sums take ten times longer
+    return _interval_means(columns, column_edges - first).transpose(1, 0, 2)
+
+
+def _interval_means(
+    pixels: Shaped[np.ndarray, "length other 3"], edges: Float[np.ndarray, " count_plus_1"]
+) -> Float32[np.ndarray, "count other 3"]:
+    """Average `pixels` over the intervals between consecutive `edges` of the first axis.
+
+    With F(t) the integral of the pixels from 0 to t, an interval's mean is (F(b) - F(a)) / (b - a).
+    Clipping the whole part of t but not its fraction continues the first and last pixel for ever.
+    Whole pixels are summed in integers, so a box filter by a whole factor is exact.
+    """
+    whole = np.clip(np.floor(edges), 0, len(pixels) - 1).astype(np.intp)
+    fraction = (edges - whole).astype(np.float32)[:, None, None]
+    partial = pixels[whole].astype(np.float32)
+    partial *= fraction
+    means: np.ndarray = np.diff(partial, axis=0)
+    sum_type = _sum_type(pixels.dtype, int(np.diff(whole).max()))
+    for row, (first, last) in enumerate(pairwise(whole)):
+        means[row] += pixels[first:last].sum(axis=0, dtype=sum_type)
+    means /= np.diff(edges).astype(np.float32)[:, None, None]
+    return means
+
+
+def _sum_type(pixel_type: np.dtype[Any], count: int) -> type[np.generic]:
+    """Give the narrowest type that holds the sum of `count` pixels: narrow is far faster."""
+    if pixel_type == np.uint8:
+        return np.uint16 if count * 255 <= 65535 else np.uint32
+    return np.uint64 if pixel_type == np.uint16 else np.float32
+
+
+def _white(pixel_type: np.dtype[Any]) -> float:
+    """Give the pixel value that stands for white."""
+    if pixel_type == np.uint8 or pixel_type == np.uint16:
+        return float(np.iinfo(pixel_type).max)
+    if np.issubdtype(pixel_type, np.floating):
+        return 1.0
+    got = f"{pixel_type}"
+    raise ShapeError("a photo of type uint8, uint16 or float in [0, 1]", got, "convert it first")
