@@ -1,0 +1,121 @@
+"""From a batch of bytes to the network's input, with the augmentation of the paper and a few more.
+
+All random numbers come from torch's global generators; the loop seeds these from (seed, step),
+so step 1000 of a resumed run sees what step 1000 of an uninterrupted one saw.
+"""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float, Int, UInt8
+from torch import Tensor
+
+from deeplight.camera_response import GAMMA
+
+
+@dataclass(frozen=True)
+class AugmentConfig:
+    """Random changes of a training example; the paper's only one is the horizontal flip."""
+
+    flip: bool = True
+    """Mirror half of the scenes, left to right."""
+    cutout: float = 0.0
+    """Largest share of the photo's height and width hidden behind one grey rectangle."""
+    noise: float = 0.0
+    """Standard deviation of pixel noise added to the photo, in pixel value (1 = white)."""
+    exposure_stops: float = 0.0
+    """Standard deviation of an exposure change of photo and spheres; the paper found no benefit."""
+    white_balance: float = 0.0
+    """Standard deviation of the natural logarithm of a gain per channel; no benefit in the paper."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A batch ready for the network, on its device.
+
+    A flipped example is a photo of the mirrored scene; its spheres stay as they were. The loss
+    turns the predicted light back (u -> -u) instead of mirroring the spheres, their views and
+    their bases: for the mirror image P of pixels and lights, (P R P) (P L) = P (R L).
+    """
+
+    photo: Float[Tensor, "n 3 height width"]
+    spheres: Float[Tensor, "n sphere 3 pixel"]
+    rig: Int[Tensor, "n"]
+    flipped: Bool[Tensor, "n"]
+
+
+def prepare(
+    photo: UInt8[Tensor, "n height width 3"],
+    spheres: UInt8[Tensor, "n sphere size size 3"],
+    rig: Int[Tensor, "n"],
+) -> Inputs:
+    """Bytes to floats without any augmentation: photos in [-0.5, 0.5], spheres in [0, 1].
+
+    The photo is what `preprocess.normalise` gives, computed on the device.
+
+    The photo keeps its bytes' order in memory, which is torch's channels_last.
+    """
+    return Inputs(
+        photo=photo.permute(0, 3, 1, 2).float().div_(255.0).sub_(0.5),
+        spheres=spheres.flatten(2, 3).transpose(2, 3).float().div_(255.0),
+        rig=rig,
+        flipped=torch.zeros(len(photo), dtype=torch.bool, device=photo.device),
+    )
+
+
+def augment(inputs: Inputs, config: AugmentConfig) -> Inputs:
+    """A new random version of the batch; draws nothing for what is switched off."""
+    if config.exposure_stops or config.white_balance:
+        inputs = jitter(inputs, config.exposure_stops, config.white_balance)
+    if config.flip:
+        inputs = flip(inputs)
+    photo = inputs.photo
+    if config.noise:
+        photo = photo + config.noise * torch.randn_like(photo)
+    if config.cutout:
+        photo = cut_out(photo, config.cutout)
+    return replace(inputs, photo=photo)
+
+
+def flip(inputs: Inputs) -> Inputs:
+    """Mirror a random half of the photos and mark them."""
+    flipped = (torch.rand(len(inputs.photo)) < 0.5).to(inputs.photo.device, non_blocking=True)
+    photo = torch.where(flipped[:, None, None, None], inputs.photo.flip(-1), inputs.photo)
+    return replace(inputs, photo=photo, flipped=flipped)
+
+
+def turn_back(
+    log_radiance: Float[Tensor, "n 3 size size"], flipped: Bool[Tensor, "n"]
+) -> Float[Tensor, "n 3 size size"]:
+    """The light of the scene as it was before `flip`: u -> -u on the mirror ball."""
+    return torch.where(flipped[:, None, None, None], log_radiance.flip(-1), log_radiance)
+
+
+def jitter(inputs: Inputs, exposure_stops: float, white_balance: float) -> Inputs:
+    """One gain per example and channel on photo and spheres alike, in linear radiance, clipped at white.
+
+    What was clipped already does not come back when the gain is below 1: such a camera does not exist.
+    """
+    n, device = len(inputs.photo), inputs.photo.device
+    stops = exposure_stops * torch.randn(n, 1)
+    gain = torch.exp2(stops) * torch.exp(white_balance * torch.randn(n, 3))
+    pixel_gain = (gain ** (1.0 / GAMMA)).to(device, non_blocking=True)
+    photo = ((inputs.photo + 0.5) * pixel_gain[:, :, None, None]).clamp_max(1.0) - 0.5
+    spheres = (inputs.spheres * pixel_gain[:, None, :, None]).clamp_max(1.0)
+    return replace(inputs, photo=photo, spheres=spheres)
+
+
+def cut_out(
+    photo: Float[Tensor, "n 3 height width"], largest: float
+) -> Float[Tensor, "n 3 height width"]:
+    """Set one random rectangle of each photo to mid-grey."""
+    n, (height, width) = len(photo), photo.shape[2:]
+    size = largest * torch.rand(n, 2)
+    start = torch.rand(n, 2) * (1.0 - size)
+    first, last = start.to(photo.device), (start + size).to(photo.device)
+    row = (torch.arange(height, device=photo.device) + 0.5) / height
+    column = (torch.arange(width, device=photo.device) + 0.5) / width
+    rows = (row >= first[:, :1]) & (row < last[:, :1])
+    columns = (column >= first[:, 1:]) & (column < last[:, 1:])
+    hidden = rows[:, None, :, None] & columns[:, None, None, :]
+    return photo.masked_fill(hidden, 0.0)

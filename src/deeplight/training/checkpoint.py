@@ -1,0 +1,110 @@
+"""Checkpoints as safetensors, written whole or not at all; no pickle, so nothing in one is ever run.
+
+All randomness of a step comes from (seed, step), see `loop`; the step number in a checkpoint is
+therefore the state of every random number generator.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import safetensors
+import torch
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from deeplight.errors import ModelError
+from deeplight.io.atomic import replacing
+
+KEPT = 2
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a checkpoint says about itself."""
+
+    step: int
+    """Steps done."""
+    best_score: float
+    """Lowest validation score so far; infinity before the first validation."""
+    settings: dict[str, Any]
+    """The run's settings by dotted key."""
+    manifest: str
+    """SHA-256 of the data set's manifest."""
+
+    def to_json(self) -> str:
+        return json.dumps(vars(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> "Header":
+        return cls(**json.loads(text))
+
+
+def save(path: Path, header: Header, **states: dict[str, Tensor]) -> None:
+    """Write named groups of tensors, such as model=..., average=..., optimiser=..."""
+    tensors = {
+        f"{group}/{name}": tensor.detach().contiguous().cpu()
+        for group, state in states.items()
+        for name, tensor in state.items()
+    }
+    with replacing(path) as temporary:
+        save_file(tensors, temporary, metadata={"deeplight.run": header.to_json()})
+
+
+def load(path: Path) -> tuple[Header, dict[str, dict[str, Tensor]]]:
+    """The header and the groups of tensors of a checkpoint.
+
+    Raises:
+        ModelError: the file is not a checkpoint of this program.
+    """
+    try:
+        with safetensors.safe_open(path, framework="pt") as file:
+            header = Header.from_json((file.metadata() or {})["deeplight.run"])
+        tensors = load_file(path)
+    except (safetensors.SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise ModelError("a checkpoint of a training run", str(path), "check the file") from error
+    groups: dict[str, dict[str, Tensor]] = {}
+    for key, tensor in tensors.items():
+        group, _, name = key.partition("/")
+        groups.setdefault(group, {})[name] = tensor
+    return header, groups
+
+
+def optimiser_state(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """The optimiser's tensors by parameter number and name."""
+    return {
+        f"{index}.{name}": value
+        for index, state in optimiser.state_dict()["state"].items()
+        for name, value in state.items()
+    }
+
+
+def load_optimiser(optimiser: torch.optim.Optimizer, state: dict[str, Tensor]) -> None:
+    """Put `optimiser_state` back, in the memory format of the parameters."""
+    parameters = [p for group in optimiser.param_groups for p in group["params"]]
+    restored: dict[int, dict[str, Tensor]] = {}
+    for key, value in state.items():
+        number, _, name = key.partition(".")
+        parameter = parameters[int(number)]
+        if value.shape == parameter.shape:
+            value = torch.empty_like(parameter, requires_grad=False).copy_(value)
+        restored.setdefault(int(number), {})[name] = value
+    groups = optimiser.state_dict()["param_groups"]
+    optimiser.load_state_dict({"state": restored, "param_groups": groups})
+
+
+def checkpoint_path(run_dir: Path, step: int) -> Path:
+    return run_dir / "checkpoints" / f"step-{step:08d}.safetensors"
+
+
+def latest(run_dir: Path) -> Path | None:
+    """The newest checkpoint of a run, if it has one."""
+    return max((run_dir / "checkpoints").glob("step-*.safetensors"), default=None)
+
+
+def remove_old(run_dir: Path, keep: int = KEPT) -> None:
+    """Remove all but the newest checkpoints."""
+    paths = sorted((run_dir / "checkpoints").glob("step-*.safetensors"))
+    for path in paths[:-keep]:
+        path.unlink(missing_ok=True)

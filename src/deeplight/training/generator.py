@@ -1,0 +1,129 @@
+"""The generator G: a photo to ln radiance on the mirror ball [section 3.2 of the paper]."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval, fuse_linear_bn_eval
+
+from deeplight.errors import ConfigError
+from deeplight.training.mobilenet_v2 import (
+    BATCH_NORM_EPSILON,
+    FEATURE_CHANNELS,
+    ConvNorm,
+    MobileNetV2Encoder,
+    Norm,
+)
+
+Orientation = Literal["portrait", "landscape"]
+
+# (height, width) of the photo; both give 4,800 features ("to maintain our FC layer size").
+PHOTO_SIZE: dict[Orientation, tuple[int, int]] = {"portrait": (192, 135), "landscape": (144, 192)}
+FEATURE_SIZE: dict[Orientation, tuple[int, int]] = {"portrait": (6, 5), "landscape": (5, 6)}
+LATENT_GRID = 4  # the latent vector becomes a 4 x 4 picture
+START_RADIANCE = 0.3  # a grey room: nothing is clipped, so every sphere teaches from step one
+START_SPREAD = 0.1  # standard deviation of ln radiance before training, about
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """The shape of the generator; defaults are the paper's where it states a number."""
+
+    orientation: Orientation = "portrait"
+    """portrait: 192 x 135 photos; landscape: 144 x 192 (height x width)."""
+    latent_size: int = 256
+    """Length of the latent vector, a multiple of 16."""
+    decoder_widths: tuple[int, int] = (64, 32)
+    """Channels of the first two decoder convolutions (our choice: the paper's figure has them)."""
+    encoder_norm: Norm = "batch"
+    """`none` trains the folded weights as convolution + bias."""
+    decoder_norm: Norm = "batch"
+    """Norm of the fully connected layer and the decoder, always without one at the end."""
+    latent_dropout: float = 0.0
+    """Share of the latent vector dropped in training."""
+
+
+class Decoder(nn.Module):
+    """Latent vector -> 4 x 4 picture -> three times (bilinear x2, 3x3 convolution) -> 32 x 32 x 3."""
+
+    def __init__(self, latent_size: int, widths: tuple[int, int], norm: Norm) -> None:
+        super().__init__()
+        self.channels = latent_size // LATENT_GRID**2
+        self.up1 = ConvNorm(self.channels, widths[0], norm)
+        self.up2 = ConvNorm(widths[0], widths[1], norm)
+        self.up3 = nn.Conv2d(widths[1], 3, 3, padding=1)  # linear: radiance has no upper bound
+
+    def forward(self, latent: Float[Tensor, "n latent"]) -> Float[Tensor, "n 3 32 32"]:
+        x = latent.reshape(-1, self.channels, LATENT_GRID, LATENT_GRID)  # (n, 16, 4, 4)
+        x = self.up1(twice_as_large(x))  # (n, 64, 8, 8)
+        x = self.up2(twice_as_large(x))  # (n, 32, 16, 16)
+        log_radiance: Tensor = self.up3(twice_as_large(x))  # (n, 3, 32, 32)
+        return log_radiance
+
+
+class Generator(nn.Module):
+    """Photo in [-0.5, 0.5] -> natural logarithm of radiance on the 32 x 32 mirror ball, camera frame.
+
+    Batch norm and ReLU6 follow every layer but the last (Implementation Details), which is linear.
+    """
+
+    def __init__(self, config: NetworkConfig | None = None, freeze_blocks: int = 0) -> None:
+        super().__init__()
+        config = config or NetworkConfig()
+        if config.latent_size % LATENT_GRID**2:
+            raise ConfigError("latent_size a multiple of 16", str(config.latent_size), "change it")
+        self.encoder = MobileNetV2Encoder(config.encoder_norm, freeze_blocks)
+        height, width = FEATURE_SIZE[config.orientation]
+        features = FEATURE_CHANNELS * height * width  # 160 * 6 * 5 = 4,800
+        self.latent: nn.Module = nn.Linear(features, config.latent_size)
+        self.latent_norm: nn.Module = (
+            nn.BatchNorm1d(config.latent_size, eps=BATCH_NORM_EPSILON)
+            if config.decoder_norm == "batch"
+            else nn.Identity()
+        )
+        self.activation = nn.ReLU6()
+        self.dropout = nn.Dropout(config.latent_dropout)
+        self.decoder = Decoder(config.latent_size, config.decoder_widths, config.decoder_norm)
+        self.initialise()
+
+    def initialise(self) -> None:
+        """He's initialisation for ReLU networks; the output starts near ln 0.3 with little spread."""
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+                if module.bias is not None:
+                    nn.init.zeros_(module.bias)
+        last = self.decoder.up3
+        nn.init.normal_(last.weight, std=START_SPREAD / math.sqrt(last.weight[0].numel()))
+        assert last.bias is not None
+        nn.init.constant_(last.bias, math.log(START_RADIANCE))
+
+    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 32 32"]:
+        # Contiguous first: the flatten order is NCHW's, whatever the memory format.
+        features = self.encoder(photo).contiguous().flatten(1)  # (n, 4800)
+        latent = self.activation(self.latent_norm(self.latent(features)))  # (n, 256)
+        log_radiance: Tensor = self.decoder(self.dropout(latent))
+        return log_radiance
+
+
+def twice_as_large(x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h2 w2"]:
+    """Bilinear upsampling by two, pixel centres at (i + 0.5)."""
+    return functional.interpolate(x, scale_factor=2, mode="bilinear", align_corners=False)
+
+
+@torch.no_grad()
+def fold_batch_norm(generator: Generator) -> None:
+    """Fold every batch norm into the layer before it, in place; the function in evaluation is unchanged."""
+    generator.eval()
+    for module in generator.modules():
+        if isinstance(module, ConvNorm) and isinstance(module.norm, nn.BatchNorm2d):
+            module.conv = fuse_conv_bn_eval(module.conv, module.norm)
+            module.norm = nn.Identity()
+    if isinstance(generator.latent_norm, nn.BatchNorm1d):
+        assert isinstance(generator.latent, nn.Linear)
+        generator.latent = fuse_linear_bn_eval(generator.latent, generator.latent_norm)
+        generator.latent_norm = nn.Identity()

@@ -1,0 +1,136 @@
+"""The encoder: the first seventeen layers of MobileNetV2 (Sandler et al., CVPR 2018).
+
+Section 3.2 of LeGendre et al., CVPR 2019: "the first 17 MobileNetV2 layers" are the stem and
+sixteen inverted residual blocks, `features[0:17]` of the width 1.0 network. A (3, 192, 135)
+photo becomes (160, 6, 5) features, and so does its landscape twin in (160, 5, 6).
+"""
+
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+Norm = Literal["batch", "none"]
+
+# (expansion, output channels, blocks, stride of the first block), table 2 of the MobileNetV2
+# paper up to the sixteenth block; the seventeenth (320 channels) is not used.
+STAGES = (
+    (1, 16, 1, 1),
+    (6, 24, 2, 2),
+    (6, 32, 3, 2),
+    (6, 64, 4, 2),
+    (6, 96, 3, 1),
+    (6, 160, 3, 2),
+)
+STEM_CHANNELS = 32
+FEATURE_CHANNELS = 160
+LAYERS = 17
+BATCH_NORM_EPSILON = 1e-3  # as in the TensorFlow network
+
+
+class ConvNorm(nn.Module):
+    """A convolution with TensorFlow's SAME padding, then batch norm or a bias, then ReLU6 or nothing."""
+
+    def __init__(
+        self,
+        channels_in: int,
+        channels_out: int,
+        norm: Norm,
+        *,
+        size: int = 3,
+        stride: int = 1,
+        groups: int = 1,
+        activate: bool = True,
+    ) -> None:
+        super().__init__()
+        # A stride-2 layer pads by its input's parity, see `same_padding`.
+        self.conv = nn.Conv2d(
+            channels_in,
+            channels_out,
+            size,
+            stride,
+            padding=size // 2 if stride == 1 else 0,
+            groups=groups,
+            bias=norm == "none",
+        )
+        self.norm = batch_norm(channels_out) if norm == "batch" else nn.Identity()
+        self.activation = nn.ReLU6(inplace=True) if activate else nn.Identity()
+
+    def forward(self, x: Tensor) -> Tensor:
+        if self.conv.stride[0] == 2:
+            x = functional.pad(x, same_padding(x.shape[-2], x.shape[-1]))
+        return self.activation(self.norm(self.conv(x)))  # type: ignore[no-any-return]
+
+
+class InvertedResidual(nn.Module):
+    """Expand by a 1x1, filter by a depthwise 3x3, project by a linear 1x1; add the input if shapes allow."""
+
+    def __init__(
+        self, channels_in: int, channels_out: int, expansion: int, stride: int, norm: Norm
+    ) -> None:
+        super().__init__()
+        wide = channels_in * expansion
+        self.expand = (
+            ConvNorm(channels_in, wide, norm, size=1) if expansion > 1 else nn.Identity()
+        )
+        self.depthwise = ConvNorm(wide, wide, norm, stride=stride, groups=wide)
+        self.project = ConvNorm(wide, channels_out, norm, size=1, activate=False)
+        self.residual = stride == 1 and channels_in == channels_out
+
+    def forward(self, x: Tensor) -> Tensor:
+        y: Tensor = self.project(self.depthwise(self.expand(x)))
+        return x + y if self.residual else y
+
+
+class MobileNetV2Encoder(nn.Module):
+    """`features[0:17]` of MobileNetV2 1.0.
+
+    The stem and the first `freeze_blocks` blocks run without gradients and in evaluation mode
+    when `freeze_blocks` > 0; 0 trains everything.
+    """
+
+    def __init__(self, norm: Norm = "batch", freeze_blocks: int = 0) -> None:
+        super().__init__()
+        features: list[nn.Module] = [ConvNorm(3, STEM_CHANNELS, norm, stride=2)]
+        channels = STEM_CHANNELS
+        for expansion, width, blocks, stride in STAGES:
+            for block in range(blocks):
+                features.append(
+                    InvertedResidual(
+                        channels, width, expansion, stride if block == 0 else 1, norm
+                    )
+                )
+                channels = width
+        self.features = nn.ModuleList(features)
+        self.frozen_layers = freeze_blocks + 1 if freeze_blocks > 0 else 0
+        self.features[: self.frozen_layers].requires_grad_(False)
+
+    def train(self, mode: bool = True) -> "MobileNetV2Encoder":
+        super().train(mode)
+        self.features[: self.frozen_layers].eval()  # frozen batch norm keeps its statistics
+        return self
+
+    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 160 h w"]:
+        x = photo
+        with torch.no_grad():
+            for layer in self.features[: self.frozen_layers]:
+                x = layer(x)
+        for layer in self.features[self.frozen_layers :]:
+            x = layer(x)
+        return x
+
+
+def batch_norm(channels: int) -> nn.BatchNorm2d:
+    """Batch norm with TensorFlow's epsilon."""
+    return nn.BatchNorm2d(channels, eps=BATCH_NORM_EPSILON)
+
+
+def same_padding(height: int, width: int) -> tuple[int, int, int, int]:
+    """(left, right, top, bottom) of TensorFlow's SAME padding for a 3x3 layer of stride 2.
+
+    An odd size pads both sides, an even one only the end; PyTorch's own padding would shift
+    every even layer by half a pixel of what the imported weights expect.
+    """
+    return width % 2, 1, height % 2, 1

@@ -1,0 +1,152 @@
+"""What a run leaves behind for people: run.toml, CSV tables, TensorBoard scalars, curves as a picture."""
+
+import csv
+import json
+import platform
+import subprocess
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from deeplight.io.atomic import replacing
+from deeplight.sphere import SPHERES
+from deeplight.training.config import TrainConfig, flatten
+from deeplight.training.validation import SphereErrors
+
+PACKAGES = ("deeplight", "torch", "lightning-fabric", "lightning", "numpy", "safetensors")
+LOSS_COLUMNS = ("step", "images", "loss", *SPHERES, "learning_rate", "images_per_second")
+VALIDATION_COLUMNS = ("step", "split", *SPHERES, *(f"constant_{name}" for name in SPHERES))
+
+
+def write_run_toml(run_dir: Path, config: TrainConfig, facts: Mapping[str, Any]) -> None:
+    """Write the resolved settings, the versions, the commit and `facts` (seed and data among them)."""
+    sections: dict[str, dict[str, Any]] = {"run_facts": {**facts, "commit": commit()}}
+    sections["versions"] = {"python": platform.python_version(), **versions()}
+    for key, value in flatten(config).items():
+        section, _, name = key.partition(".")
+        sections.setdefault(section, {})[name] = value
+    text = "\n".join(toml_section(name, values) for name, values in sections.items())
+    with replacing(run_dir / "run.toml") as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def toml_section(name: str, values: Mapping[str, Any]) -> str:
+    """One flat TOML table; None is left out, as TOML has no null."""
+    lines = [f"[{name}]"]
+    for key, value in values.items():
+        if value is not None:
+            # JSON's strings, numbers, booleans and arrays of these are TOML's.
+            written = json.dumps(list(value) if isinstance(value, tuple) else value)
+            lines.append(f"{json.dumps(key) if '.' in key else key} = {written}")
+    return "\n".join(lines) + "\n"
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that decide numbers."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def commit() -> str:
+    """The commit the package was run from, with -dirty if files were changed; "unknown" without git."""
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
+    try:
+        result = subprocess.run(
+            command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return result.stdout.strip()
+
+
+class CsvTable:
+    """A CSV file that rows are added to; a resumed run drops the rows after its checkpoint."""
+
+    def __init__(self, path: Path, columns: Sequence[str], resume_step: int) -> None:
+        self.path, self.columns = path, tuple(columns)
+        rows = [row for row in read_csv(path) if int(row["step"]) <= resume_step]
+        with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, self.columns)
+            writer.writeheader()
+            writer.writerows(rows)
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        with self.path.open("a", newline="", encoding="utf-8") as file:
+            csv.DictWriter(file, self.columns).writerow(row)
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """The rows of a table, none if it does not exist; a last line cut by a kill is left out."""
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return [row for row in csv.DictReader(file) if None not in row.values()]
+
+
+class RunRecord:
+    """The tables of a run and their TensorBoard twins."""
+
+    def __init__(self, run_dir: Path, resume_step: int) -> None:
+        from torch.utils.tensorboard import SummaryWriter  # slow to import
+
+        self.run_dir = run_dir
+        self.losses = CsvTable(run_dir / "losses.csv", LOSS_COLUMNS, resume_step)
+        self.validation = CsvTable(run_dir / "validation.csv", VALIDATION_COLUMNS, resume_step)
+        self.board = SummaryWriter(str(run_dir / "tensorboard"), purge_step=resume_step + 1)  # type: ignore[no-untyped-call]
+
+    def add_losses(self, row: Mapping[str, float]) -> None:
+        """One row of `LOSS_COLUMNS`."""
+        self.losses.add(row)
+        for name in ("loss", *SPHERES, "learning_rate", "images_per_second"):
+            self.board.add_scalar(f"train/{name}", row[name], int(row["step"]))  # type: ignore[no-untyped-call]
+
+    def add_validation(self, step: int, errors: Sequence[SphereErrors]) -> None:
+        """One row per split."""
+        for e in errors:
+            constant = {f"constant_{name}": value for name, value in (e.constant or {}).items()}
+            self.validation.add({"step": step, "split": e.split, **e.model, **constant})
+            for name in SPHERES:
+                self.board.add_scalar(f"{e.split}/{name}", e.model[name], step)  # type: ignore[no-untyped-call]
+        self.board.flush()  # type: ignore[no-untyped-call]
+
+    def draw(self) -> None:
+        """Draw curves.png from the tables."""
+        draw_curves(self.run_dir)
+
+    def close(self) -> None:
+        self.board.close()  # type: ignore[no-untyped-call]
+
+
+def draw_curves(run_dir: Path) -> None:
+    """The training loss, and the masked L1 of each split beside the constant lighting (dotted)."""
+    from matplotlib.figure import Figure  # no pyplot: no global state, no display
+
+    losses, validation = (read_csv(run_dir / f"{name}.csv") for name in ("losses", "validation"))
+    splits = sorted({row["split"] for row in validation})
+    figure = Figure(figsize=(5.0 * (1 + len(splits)), 4.0), layout="constrained")
+    panels = figure.subplots(1, 1 + len(splits), squeeze=False)[0]
+    steps = [int(row["step"]) for row in losses]
+    for name in ("loss", *SPHERES):
+        panels[0].plot(steps, [float(row[name]) for row in losses], label=name, linewidth=1)
+    panels[0].set_title("training")
+    for panel, split in zip(panels[1:], splits, strict=True):
+        rows = [row for row in validation if row["split"] == split]
+        for number, name in enumerate(SPHERES):
+            colour = f"C{number + 1}"
+            values = [float(row[name]) for row in rows]
+            panel.plot([int(r["step"]) for r in rows], values, "o-", color=colour, markersize=3)
+            if rows[-1][f"constant_{name}"]:
+                panel.axhline(float(rows[-1][f"constant_{name}"]), color=colour, linestyle=":")
+        panel.set_title(f"{split} (dotted: constant lighting)", fontsize=9)
+    for panel in panels:
+        panel.set(xlabel="step", ylabel="masked L1")
+        panel.grid(alpha=0.3)
+    panels[0].legend()
+    with replacing(run_dir / "curves.png") as temporary:
+        figure.savefig(temporary, dpi=110)
