@@ -1,0 +1,28 @@
+"""Data sets: examples in WebDataset shards, split by place.
+
+Make one with `ShardPlan` (any source of `Example`), read one with `open_dataset`.
+"""
+
+from deeplight.dataset.example import Example, ExampleMeta
+from deeplight.dataset.manifest import Manifest, ShardRecord, Skipped
+from deeplight.dataset.plan import ShardJob, ShardPlan, plan_split
+from deeplight.dataset.reading import DataSet, SplitIndex, open_dataset
+from deeplight.dataset.splits import GROUPS, SPLITS, TRAINING_SPLITS, splits_named
+
+__all__ = [
+    "GROUPS",
+    "SPLITS",
+    "TRAINING_SPLITS",
+    "DataSet",
+    "Example",
+    "ExampleMeta",
+    "Manifest",
+    "ShardJob",
+    "ShardPlan",
+    "ShardRecord",
+    "Skipped",
+    "SplitIndex",
+    "open_dataset",
+    "plan_split",
+    "splits_named",
+]
