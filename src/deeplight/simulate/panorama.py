@@ -1,0 +1,137 @@
+"""Places to film in: HDR panoramas, where they were taken, and which split they belong to."""
+
+import csv
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight import latlong, resample
+from deeplight.errors import DataSetError, ImageFileError
+from deeplight.io.hdr import read_hdr
+
+MANIFEST = "manifest.csv"
+SUFFIXES = (".exr", ".hdr")
+WORKING_HEIGHT = 512  # finer than the 192 x 135 photo needs; keeps a 16k panorama small
+MIN_HEIGHT = 64
+UNKNOWN_LICENCE = "not stated"
+
+_HELD_OUT = {"val": "val_{}", "test": "unseen_{}"}
+_COLUMNS = ("file", "split", "place", "scene")
+
+
+@dataclass(frozen=True)
+class Place:
+    """One panorama and what is known about it.
+
+    Attributes:
+        path: the panorama.
+        name: the venue; panoramas of one venue share it, and their split.
+        scene: "indoor" or "outdoor".
+        split: "train", "val" or "test".
+        licence: as stated where it was found.
+        synthetic_ground: its lower half is made up, so nothing real is seen looking down.
+    """
+
+    path: Path
+    name: str
+    scene: str
+    split: str
+    licence: str = UNKNOWN_LICENCE
+    synthetic_ground: bool = False
+
+    @property
+    def held_out_split(self) -> str:
+        """The evaluation split of takes made here: new takes of a training place are "seen"."""
+        return _HELD_OUT.get(self.split, "seen_{}").format(self.scene)
+
+
+def places_in(folder: Path) -> list[Place]:
+    """Every panorama of a folder, sorted by file.
+
+    With a `manifest.csv` (columns file, split, place, scene; optional licence,
+    synthetic_ground) those it names. Without one every .hdr and .exr: each file is its own
+    place, its split is drawn from its name (80 % train, 10 % val, 10 % test), and its scene
+    is guessed from the light overhead.
+
+    Raises:
+        DataSetError: no such folder, no panorama in it, or a manifest without its columns.
+    """
+    if not folder.is_dir():
+        raise DataSetError("a folder of HDR panoramas", f"{folder}", "give a folder of .hdr or .exr")
+    manifest = folder / MANIFEST
+    places = list(_listed(manifest) if manifest.is_file() else _found(folder))
+    if not places:
+        raise DataSetError(f"panoramas ({', '.join(SUFFIXES)}) in {folder}", "none", "add some")
+    return sorted(places, key=lambda place: place.path.name)
+
+
+def load(place: Place) -> Float[np.ndarray, "height width 3"]:
+    """Radiance of a panorama, at most 512 x 1024, in the file's own scale.
+
+    Negative ringing beside the sun belongs to the sun's energy, so it is clamped only after
+    the area average to the working size.
+
+    Raises:
+        OSError, ImageFileError: missing, broken, not twice as wide as high, too small, black.
+    """
+    radiance = read_hdr(place.path)
+    height, width, _ = radiance.shape
+    if width != 2 * height or height < MIN_HEIGHT:
+        raise ImageFileError(
+            f"an equirectangular panorama, twice as wide as high, from {MIN_HEIGHT} rows",
+            f"{width} x {height} in {place.path}",
+            "give the full sphere",
+        )
+    if height > WORKING_HEIGHT:
+        radiance = resample.shrink_latlong(radiance, WORKING_HEIGHT)
+    radiance = np.maximum(radiance, 0).astype(np.float32)
+    if not radiance.max() > 0:
+        raise ImageFileError("a panorama with light in it", f"all black in {place.path}", "replace it")
+    return radiance
+
+
+def guessed_scene(radiance: Float[np.ndarray, "height width 3"]) -> str:
+    """ "outdoor" if the light overhead is blue or much brighter than the floor, else "indoor"."""
+    small = resample.shrink_latlong(radiance, 32)
+    weight = latlong.solid_angles(*small.shape[:2])
+    overhead, floor = (np.average(small[r], axis=(0, 1), weights=weight[r]) for r in _CAPS)
+    blue = overhead[2] / max(float(overhead.sum()), 1e-9)
+    return "outdoor" if blue > 0.36 or overhead.sum() > 6 * floor.sum() else "indoor"
+
+
+_CAPS = (slice(0, 10), slice(-10, None))
+
+
+def _listed(manifest: Path) -> Iterator[Place]:
+    with manifest.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        if any(not row.get(column) for column in _COLUMNS):
+            raise DataSetError(
+                f"columns {', '.join(_COLUMNS)} in every row of {manifest}", f"{row}", "complete it"
+            )
+        yield Place(
+            manifest.parent / row["file"],
+            row["place"],
+            row["scene"],
+            row["split"],
+            row.get("licence") or UNKNOWN_LICENCE,
+            row.get("synthetic_ground", "").lower() == "true",
+        )
+
+
+def _found(folder: Path) -> Iterator[Place]:
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in SUFFIXES and path.is_file():
+            draw = int.from_bytes(hashlib.sha256(path.stem.encode()).digest()[:4], "big") / 2**32
+            split = "train" if draw < 0.8 else "val" if draw < 0.9 else "test"
+            place = Place(path, path.stem, "outdoor", split)
+            try:
+                scene = guessed_scene(load(place))
+            except (OSError, ImageFileError):
+                scene = "outdoor"  # the run meets the file again and records why it is skipped
+            yield Place(path, path.stem, scene, split)

@@ -1,0 +1,220 @@
+"""From a folder of panoramas to a data set: plan the shards, film them, in parallel."""
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import asdict, dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deeplight.dataset import (
+    Example,
+    ExampleMeta,
+    Manifest,
+    ShardJob,
+    ShardPlan,
+    Skipped,
+    plan_split,
+)
+from deeplight.errors import ConfigError, InputError
+from deeplight.simulate import panorama
+from deeplight.simulate.panorama import Place
+from deeplight.simulate.phone import PHONES
+from deeplight.simulate.take import Frame, film
+from deeplight.sphere import PAPER_RIG
+
+_TAKES_PER_VISIT = 4  # takes filmed in a row in one place, so it is read once for all of them
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What decides every byte of a simulated data set.
+
+    Attributes:
+        train_takes: takes in each training panorama.
+        eval_takes: takes in each validation and test panorama.
+        seen_takes: takes in each training panorama for the "seen" evaluation splits.
+        frames: examples of each take.
+        phone: camera preset.
+        synthetic_ground: film, looking up, in panoramas whose ground is made up.
+        shard_takes: takes in each shard.
+        seed: another seed films other takes.
+    """
+
+    train_takes: int = 64
+    eval_takes: int = 8
+    seen_takes: int = 1
+    frames: int = 8
+    phone: str = "paper"
+    synthetic_ground: bool = False
+    shard_takes: int = 64
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        counts = (self.train_takes, self.eval_takes, self.seen_takes)
+        if min(counts) < 0 or min(self.frames, self.shard_takes) < 1 or self.phone not in PHONES:
+            raise ConfigError(
+                f"counts of at least 0 and a phone of {', '.join(PHONES)}", f"{self}", "correct it"
+            )
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A recipe and the places it is filmed in; small enough to hand to every process."""
+
+    recipe: Recipe
+    places: dict[str, tuple[Place, ...]]  # by split
+    left_out: tuple[Skipped, ...] = field(default=())
+
+    def examples(self, job: ShardJob) -> Iterator[Example | Skipped]:
+        """The examples of one shard; a panorama that cannot be used is told once and skipped."""
+        if job.split == "train" and job.number == 0:
+            yield from self.left_out
+        first = job.first // self.recipe.frames
+        last = first + job.count // self.recipe.frames
+        opened: tuple[Place, np.ndarray | None] | None = None
+        for take in range(first, last):
+            place = self._place(job.split, take)
+            if opened is None or opened[0] != place:
+                try:
+                    opened = place, panorama.load(place)
+                except (OSError, InputError) as error:
+                    opened = place, None
+                    yield Skipped(place.path.name, str(error))
+            if opened[1] is not None:
+                yield from self._take(job.split, place, opened[1], take)
+
+    def _place(self, split: str, take: int) -> Place:
+        places = self.places[split]
+        return places[take // _TAKES_PER_VISIT % len(places)]
+
+    def _take(
+        self, split: str, place: Place, radiance: np.ndarray, take: int
+    ) -> Iterator[Example]:
+        recipe = self.recipe
+        name = f"{place.path.stem}-{take:05d}"
+        rng = np.random.default_rng([recipe.seed, *split.encode(), *place.path.stem.encode(), take])
+        phone = PHONES[recipe.phone]
+        frames = film(radiance, phone, PAPER_RIG, recipe.frames, rng, place.synthetic_ground)
+        for number, frame in enumerate(frames):
+            yield _example(frame, number, split, place, name, recipe.phone)
+
+
+def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation]:
+    """Decide every shard of the data set before anything is filmed.
+
+    Raises:
+        DataSetError: no panoramas, or `out` holds a data set of another recipe.
+    """
+    everything = panorama.places_in(folder)
+    usable = [p for p in everything if recipe.synthetic_ground or not p.synthetic_ground]
+    left_out = tuple(
+        Skipped(p.path.name, "its ground is made up") for p in everything if p not in usable
+    )
+    places: dict[str, list[Place]] = {}
+    takes: dict[str, int] = {}
+    for place in usable:
+        counts = {place.held_out_split: recipe.eval_takes}
+        if place.split == "train":
+            counts = {"train": recipe.train_takes, place.held_out_split: recipe.seen_takes}
+        for split, count in counts.items():
+            if count:
+                places.setdefault(split, []).append(place)
+                takes[split] = takes.get(split, 0) + count
+    jobs = [
+        job
+        for split in sorted(places)
+        for job in plan_split(
+            split, takes[split] * recipe.frames, recipe.shard_takes * recipe.frames
+        )
+    ]
+    simulation = Simulation(recipe, {s: tuple(p) for s, p in places.items()}, left_out)
+    rigs = {PAPER_RIG.name: PAPER_RIG.to_dict()}
+    return ShardPlan.begin(out, jobs, rigs, _described(recipe, usable)), simulation
+
+
+def simulate(
+    shards: ShardPlan,
+    simulation: Simulation,
+    workers: int | None = None,
+    progress: Callable[[int], None] = lambda examples: None,
+) -> Manifest:
+    """Film every shard that is missing and write the manifest.
+
+    Each process holds one panorama and one shard's offsets, whatever the number of either.
+
+    Args:
+        shards, simulation: from `plan`.
+        workers: processes; by default one per core. 1 films in this process.
+        progress: told the number of examples of each finished shard.
+    """
+    missing = shards.missing()
+    workers = min(workers or os.cpu_count() or 1, len(missing))
+    if workers <= 1:
+        for job in missing:
+            progress(_film_shard(shards, simulation, job))
+    else:
+        _film_in_parallel(shards, simulation, missing, workers, progress)
+    return shards.finish()
+
+
+def _film_in_parallel(
+    shards: ShardPlan,
+    simulation: Simulation,
+    jobs: tuple[ShardJob, ...],
+    workers: int,
+    progress: Callable[[int], None],
+) -> None:
+    # Spawned, not forked: the parent may hold threads of numerical libraries.
+    with ProcessPoolExecutor(workers, get_context("spawn"), _one_thread_each) as pool:
+        running = {pool.submit(_film_shard, shards, simulation, job) for job in jobs}
+        try:
+            while running:
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    progress(future.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _one_thread_each() -> None:
+    # Too late for a library that is loaded already; the pool's children load theirs after it.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"
+
+
+def _film_shard(shards: ShardPlan, simulation: Simulation, job: ShardJob) -> int:
+    return shards.write(job, simulation.examples(job)).examples
+
+
+def _example(
+    frame: Frame, number: int, split: str, place: Place, take: str, phone: str
+) -> Example:
+    meta = ExampleMeta(
+        place=place.name,
+        take=take,
+        frame=number,
+        scene=place.scene,
+        split=split,
+        rig=PAPER_RIG.name,
+        camera=phone,
+        licence=place.licence,
+        source=place.path.name,
+        details={
+            "world_from_camera": frame.pose.round(6).tolist(),
+            "log_gain": [round(g, 6) for g in frame.setting.log_gain],
+        },
+    )
+    truth = None if split == "train" else frame.true_lighting.radiance
+    key = f"{take}-{number:03d}"
+    return Example(key, frame.background, frame.spheres, meta, truth, frame.jpeg)
+
+
+def _described(recipe: Recipe, places: list[Place]) -> dict[str, Any]:
+    """What the plan remembers, so that a changed folder or setting is noticed."""
+    files = {p.path.name: [p.name, p.split, p.scene] for p in places}
+    return {"made_by": "deeplight simulate", **asdict(recipe), "panoramas": files}
