@@ -1,0 +1,73 @@
+"""Orientation and field of view from EXIF, against Pillow and against known lenses."""
+
+import math
+
+import numpy as np
+import pytest
+from PIL import Image, ImageOps
+
+from deeplight.io.exif import Exif, upright
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_upright_agrees_with_pillow(orientation: int) -> None:
+    stored = np.arange(4 * 7 * 3, dtype=np.uint8).reshape(4, 7, 3)
+    picture = Image.fromarray(stored)
+    picture.getexif()[0x0112] = orientation
+    expected = np.asarray(ImageOps.exif_transpose(picture))
+    turned = upright(stored, orientation)
+    np.testing.assert_array_equal(turned, expected)
+    assert np.shares_memory(turned, stored)  # turning is free
+
+
+def test_an_unknown_orientation_changes_nothing() -> None:
+    stored = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+    np.testing.assert_array_equal(upright(stored, 0), stored)
+
+
+def test_a_36_mm_lens_on_a_3_to_2_frame_is_textbook() -> None:
+    # Full frame: 36 mm focal length sees 36 mm of width as 2 atan(1/2), 24 mm of height less.
+    exif = Exif(focal_length_35mm_mm=36)
+    assert exif.vertical_fov_rad(6000, 4000) == pytest.approx(2 * math.atan(12 / 36))
+    turned = Exif(focal_length_35mm_mm=36, orientation=6)
+    assert turned.vertical_fov_rad(6000, 4000) == pytest.approx(2 * math.atan(18 / 36))
+
+
+def test_the_35_mm_figure_compares_diagonals() -> None:
+    # A phone's "26 mm" on a 4:3 sensor: the diagonal field of view is that of 43.27 mm film.
+    exif = Exif(focal_length_35mm_mm=26)
+    focal = exif.focal_length_px(4000, 3000)
+    assert focal is not None
+    assert 2 * math.atan(2500 / focal) == pytest.approx(2 * math.atan(43.2666 / 2 / 26), abs=1e-5)
+    assert exif.vertical_fov_rad(4000, 3000) == exif.vertical_fov_rad(1000, 750)
+
+
+@pytest.mark.parametrize(("unit", "resolution"), [(2, 2.54 * 5000), (3, 5000), (4, 500)])
+def test_the_focal_plane_gives_pixels_in_every_unit(unit: int, resolution: float) -> None:
+    exif = Exif(focal_length_mm=4, focal_plane_x_resolution=resolution, focal_plane_unit=unit)
+    assert exif.focal_length_px(4000, 3000) == pytest.approx(2000)
+
+
+def test_a_picture_made_smaller_keeps_its_field_of_view() -> None:
+    exif = Exif(focal_length_mm=4, focal_plane_x_resolution=500, focal_plane_unit=4)
+    resized = Exif(
+        focal_length_mm=4, focal_plane_x_resolution=500, focal_plane_unit=4, original_width=4000
+    )
+    assert resized.vertical_fov_rad(1000, 750) == pytest.approx(exif.vertical_fov_rad(4000, 3000))
+
+
+@pytest.mark.parametrize(
+    "exif",
+    [
+        Exif(),
+        Exif(focal_length_mm=4),
+        Exif(focal_length_35mm_mm=-1),
+        Exif(focal_length_35mm_mm=float("nan")),
+        Exif(focal_length_35mm_mm=float("inf")),
+        Exif(focal_length_35mm_mm=1),  # 173 degrees
+        Exif(focal_length_35mm_mm=90_000),
+        Exif(focal_length_mm=4, focal_plane_x_resolution=500, focal_plane_unit=9),
+    ],
+)
+def test_what_exif_does_not_tell_stays_unknown(exif: Exif) -> None:
+    assert exif.vertical_fov_rad(4000, 3000) is None
