@@ -108,16 +108,15 @@ class Setting:
 
 
 def metered(
-    background: Float[np.ndarray, "height width 3"], illuminant: Colour, habits: Habits
+    pixels: Float[np.ndarray, "n 3"], illuminant: Colour, habits: Habits
 ) -> Setting:
     """The setting the automatics would choose for this picture alone.
 
     Args:
-        background: scene radiance, unbounded.
+        pixels: scene radiance at places spread over the frame, spheres included; unbounded.
         illuminant: colour of the light that falls on things in the scene.
         habits: how they err.
     """
-    pixels = background[4::8, 4::8].reshape(-1, 3)
     colour = np.log(_chromaticity(illuminant)) * (1 - habits.picture_share)
     colour = colour + np.log(_chromaticity(_grey_world(pixels))) * habits.picture_share
     log_balance = np.clip(-habits.adaptation * colour, -1.0, 1.0) + np.array(habits.tint)

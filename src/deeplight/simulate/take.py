@@ -85,7 +85,8 @@ def film(
         fine = resample.ball_from_latlong(panorama, _FINE, pose.T)
         spheres = _sphere_radiance(fine, panorama, rig, pose)
         illuminant = _mean_on_sphere(spheres["diffuse"], rig.views["diffuse"])
-        setting = follow(setting, metered(radiance, illuminant, habits), habits.speed)
+        wanted = metered(_metered_pixels(radiance, spheres), illuminant, habits)
+        setting = follow(setting, wanted, habits.speed)
         gain = setting.gain
         lens = _background_vignetting(habits)[..., None]
         photo = develop(radiance, gain * lens, habits, (FRAME_HEIGHT // _FRAME_ROWS) ** 2, rng)
@@ -148,6 +149,14 @@ def _rays(view: SphereView) -> Float[np.ndarray, "size size 3"]:
     """Directions through the crop's pixels, camera frame: what is seen past the sphere."""
     ideal = PinholeCamera(view.size, view.size, 2 * view.angular_radius_rad)
     return turned(ideal.rays().astype(np.float32), view.ball_from_camera.T)
+
+
+def _metered_pixels(
+    background: np.ndarray, spheres: dict[str, np.ndarray]
+) -> Float[np.ndarray, "n 3"]:
+    """A spread of places over the frame; the spheres fill about 5 % of it, so too here."""
+    places = [background[4::8, 4::8], *(crop[6::9, 6::9] for crop in spheres.values())]
+    return np.concatenate([place.reshape(-1, 3) for place in places])
 
 
 def _mean_on_sphere(crop: np.ndarray, view: SphereView) -> Float[np.ndarray, "3"]:
