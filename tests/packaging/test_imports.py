@@ -1,0 +1,65 @@
+"""`import deeplight` is quick and light, and its public names are what they say."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import deeplight
+
+HEAVY = ("torch", "cv2", "mitsuba", "onnxruntime", "av", "matplotlib")
+
+
+def in_new_process(code: str) -> str:
+    """Run Python code in a fresh interpreter and give what it prints."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_importing_loads_nothing_heavy() -> None:
+    loaded = json.loads(
+        in_new_process("import deeplight, sys, json; print(json.dumps([*sys.modules]))")
+    )
+    assert "deeplight" in loaded
+    assert [name for name in HEAVY if name in loaded] == []
+
+
+def test_importing_is_quick() -> None:
+    code = "import time; t = time.perf_counter(); import deeplight; print(time.perf_counter() - t)"
+    # The best of several: the rest of the suite is running on the same cores.
+    seconds = min(float(in_new_process(code)) for _ in range(3))
+    assert seconds < 0.3
+
+
+def test_public_names_are_sorted_few_and_real() -> None:
+    names = list(deeplight.__all__)
+    assert names == sorted(set(names))
+    assert len(names) <= 20
+    assert [name for name in names if not hasattr(deeplight, name)] == []
+
+
+def test_public_names_are_all_listed() -> None:
+    from types import ModuleType
+
+    found = {
+        name
+        for name, value in vars(deeplight).items()
+        if not name.startswith("_") and not isinstance(value, ModuleType)
+    }
+    assert found <= set(deeplight.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError):
+        _ = deeplight.no_such_name  # type: ignore[attr-defined]
+
+
+def test_annotations_are_checked_while_tests_run() -> None:
+    import numpy as np
+
+    from deeplight.io.image import encode_png
+
+    with pytest.raises(Exception, match=r"encode_png"):
+        encode_png(np.zeros((4, 4, 2), np.uint8))

@@ -1,0 +1,109 @@
+"""The tree itself: one version, short functions, nothing private in it."""
+
+import ast
+import subprocess
+import tomllib
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+LONGEST_FUNCTION = 60
+LONGEST_FILE = 400
+TEXT_SUFFIXES = frozenset(
+    ["", *".cff .css .html .js .json .md .py .sh .toml .ts .txt .yaml .yml".split()]
+)
+
+
+@pytest.fixture(scope="module")
+def tracked(root: Path) -> list[Path]:
+    """Every text file under version control; all files where there is no git."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True, check=False
+    )
+    if listed.returncode:
+        pytest.skip("no git checkout")
+    paths = [root / name for name in listed.stdout.split("\0") if name]
+    return [path for path in paths if path.suffix in TEXT_SUFFIXES and path.is_file()]
+
+
+def python_files(root: Path) -> list[Path]:
+    return sorted((root / "src").rglob("*.py"))
+
+
+def test_every_place_tells_the_same_version(root: Path) -> None:
+    with (root / "pyproject.toml").open("rb") as file:
+        stated = tomllib.load(file)["project"]["version"]
+    assert version("deeplight") == stated
+    headings = [
+        line for line in (root / "CHANGELOG.md").read_text().splitlines() if line[:3] == "## "
+    ]
+    assert headings[0].split()[1] == stated
+    assert f"\nversion: {stated}\n" in (root / "CITATION.cff").read_text()
+    initial = (root / "src" / "deeplight" / "__init__.py").read_text()
+    assert "__version__" not in initial or f'__version__ = "{stated}"' in initial
+
+
+def test_functions_and_files_are_short(root: Path) -> None:
+    too_long = []
+    for path in python_files(root):
+        text = path.read_text()
+        if text.count("\n") > LONGEST_FILE:
+            too_long.append(f"{path.name}: {text.count(chr(10))} lines")
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                length = body_length(node)
+                if length > LONGEST_FUNCTION:
+                    too_long.append(f"{path.name}:{node.lineno} {node.name}: {length} lines")
+    assert too_long == []
+
+
+def body_length(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Count the lines of a function below its docstring."""
+    body = function.body[1:] if ast.get_docstring(function) else function.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0
+
+
+def test_a_long_function_would_be_found() -> None:
+    source = 'def f():\n    """Doc."""\n' + "    x = 1\n" * 61
+    function = ast.parse(source).body[0]
+    assert isinstance(function, ast.FunctionDef)
+    assert body_length(function) == 61
+
+
+def test_annotations_are_real_objects(root: Path) -> None:
+    line = "from __future__ import annotations"
+    assert [path.name for path in python_files(root) if line in path.read_text()] == []
+
+
+def test_nothing_private_and_no_merge_markers(tracked: list[Path]) -> None:
+    # Written in pieces, so that this file does not find itself.
+    forbidden = [
+        "<" * 7 + " ", ">" * 7 + " ", "/" + "work/", "/" + "home/", "/" + "root/", "/" + "Users/",
+    ]  # fmt: skip
+    found = [
+        f"{path.name}:{number}: {mark.strip()}"
+        for path in tracked
+        for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1)
+        for mark in forbidden
+        if mark in line
+    ]
+    assert found == []
+
+
+def test_the_wheel_holds_the_program_and_its_weights(root: Path, tmp_path: Path) -> None:
+    hatchling = pytest.importorskip("hatchling.builders.wheel")
+    builder = hatchling.WheelBuilder(str(root))
+    wheel = next(builder.build(directory=str(tmp_path), versions=["standard"]))
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    inside = root / "src"
+    weights = [path.relative_to(inside).as_posix() for path in inside.rglob("*.onnx")]
+    assert {
+        "deeplight/__init__.py",
+        "deeplight/py.typed",
+        "deeplight/cli/main.py",
+        *weights,
+    } <= names
+    assert not any(name.startswith(("tests", "benchmarks")) for name in names)
