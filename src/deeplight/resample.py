@@ -29,7 +29,9 @@ def shrink(values: Shaped[np.ndarray, "height width channels"], height: int, wid
     return _area_mean(_area_mean(values, height, axis=0), width, axis=1)
 
 
-def shrink_latlong(radiance: Radiance, height: int) -> Radiance:
+def shrink_latlong(
+    radiance: Radiance, height: int
+) -> Float[np.ndarray, "new_height new_width channels"]:
     """A panorama at `height` x 2 `height`, averaged by solid angle: near the poles a cell's
     upper rows are much smaller than its lower ones."""
     weight = latlong.solid_angles(*radiance.shape[:2])[..., None]
