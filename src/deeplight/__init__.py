@@ -1,3 +1,88 @@
-"""DeepLight: the light of a whole scene from one ordinary photo."""
+"""DeepLight: the light of a whole scene from one ordinary photo.
+
+    import deeplight
+
+    lighting = deeplight.estimate("photo.jpg")     # Lighting: HDR, all around, camera frame
+    panorama = lighting.latlong(256)               # (256, 512, 3) linear radiance
+    deeplight.save_lighting(lighting, "out/photo")
+
+The names below are loaded when first used, so importing the package costs next to nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from deeplight.camera import PinholeCamera
+    from deeplight.camera_response import CameraResponse
+    from deeplight.contract import ModelContract
+    from deeplight.errors import DeepLightError, InputError
+    from deeplight.estimate import estimate
+    from deeplight.estimate.onnx_estimator import OnnxEstimator
+    from deeplight.harmonics import dominant_light, irradiance, project
+    from deeplight.io.image import read_photo
+    from deeplight.io.lighting_file import load_lighting, save_lighting
+    from deeplight.lighting import Lighting
+    from deeplight.reflectance import ReflectanceBasis, analytic_basis
+    from deeplight.relight import relight_rig
+    from deeplight.sphere import Rig, SphereView
+
+_HOME = {
+    "CameraResponse": "camera_response",
+    "DeepLightError": "errors",
+    "InputError": "errors",
+    "Lighting": "lighting",
+    "ModelContract": "contract",
+    "OnnxEstimator": "estimate.onnx_estimator",
+    "PinholeCamera": "camera",
+    "ReflectanceBasis": "reflectance",
+    "Rig": "sphere",
+    "SphereView": "sphere",
+    "analytic_basis": "reflectance",
+    "dominant_light": "harmonics",
+    "irradiance": "harmonics",
+    "load_lighting": "io.lighting_file",
+    "project": "harmonics",
+    "read_photo": "io.image",
+    "relight_rig": "relight",
+    "save_lighting": "io.lighting_file",
+}
+
+__all__ = [
+    "CameraResponse",
+    "DeepLightError",
+    "InputError",
+    "Lighting",
+    "ModelContract",
+    "OnnxEstimator",
+    "PinholeCamera",
+    "ReflectanceBasis",
+    "Rig",
+    "SphereView",
+    "analytic_basis",
+    "dominant_light",
+    "estimate",
+    "irradiance",
+    "load_lighting",
+    "project",
+    "read_photo",
+    "relight_rig",
+    "save_lighting",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "estimate":
+        # The folder of that name, which can be called: see its last lines.
+        return import_module("deeplight.estimate")
+    if name not in _HOME:
+        raise AttributeError(f"module 'deeplight' has no attribute {name!r}")
+    value = getattr(import_module(f"deeplight.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
