@@ -201,6 +201,18 @@ def test_a_truncated_file_is_refused(
     assert capfd.readouterr().err == ""  # no decoder talks past us
 
 
+@pytest.mark.parametrize("before_end", [b"\0\0\x11\x22", b""])
+@pytest.mark.parametrize("after_end", [b"\0" * 500, b""])
+def test_harmless_faults_that_phones_write_are_read(
+    tmp_path: Path, before_end: bytes, after_end: bytes
+) -> None:
+    path = tmp_path / "photo.jpg"
+    clean = photo_of(path, picture())
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-2] + before_end + whole[-2:] + after_end)
+    np.testing.assert_array_equal(read_photo(path).pixels, clean)
+
+
 def test_a_damaged_png_is_refused_quietly(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
