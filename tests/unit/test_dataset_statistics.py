@@ -66,8 +66,7 @@ def test_a_choice_is_spread_over_the_places(data: DataSet, count: int, places: i
 
 
 def test_the_contact_sheet(data: DataSet, tmp_path: Path) -> None:
-    write_contact_sheet(tmp_path / "sheet.png", data, "train", 10)
-    pixels = read_photo(tmp_path / "sheet.png").pixels
+    pixels = read_photo(write_contact_sheet(data, tmp_path / "sheet.png", count=10)).pixels
     assert pixels.shape == (2 * (192 + 45 + 13) + 6, 8 * 135 + 7 * 6, 3)
     assert (pixels[10, 10] == 51).all()  # a background
     np.testing.assert_array_equal(contact_sheet(list(data.examples("train"))), pixels)

@@ -19,15 +19,24 @@ GAP = 6
 PAPER = 24  # grey of the sheet
 
 
-def write_contact_sheet(path: Path | str, data: DataSet, split: str, count: int = 48) -> None:
-    """Write a PNG of `count` examples of `split`, spread over its places.
+def write_contact_sheet(
+    data: DataSet, path: Path, split: str | None = None, count: int = 48
+) -> Path:
+    """Write a PNG of about `count` examples, spread over the places; give its path.
+
+    Args:
+        split: a split or a group; left out, every split gets its share.
 
     Raises:
         DataSetError: there is no such split, or an example cannot be read.
         OSError: the file cannot be written.
     """
-    index = data.index(split)
-    write_png(path, contact_sheet([index[n] for n in spread_over_places(index, count)]))
+    splits = [name for name in data.splits if data.manifest.examples(name)]
+    indices = [data.index(name) for name in (splits if split is None else [split])]
+    share = -(-count // max(len(indices), 1))
+    examples = [index[n] for index in indices for n in spread_over_places(index, share)]
+    write_png(path, contact_sheet(examples))
+    return path
 
 
 def spread_over_places(index: SplitIndex, count: int) -> list[int]:
@@ -60,7 +69,9 @@ def contact_sheet(examples: Sequence[Example], columns: int = 8) -> Picture:
 def _tile(example: Example) -> Picture:
     width = example.background.shape[1]
     spheres = row([enlarged(example.spheres[name], width // 3) for name in SPHERES])
-    return column([example.background, spheres, label(example.meta.place, width)])
+    return column(
+        [example.background, spheres, label(f"{example.meta.split}: {example.meta.place}", width)]
+    )
 
 
 def enlarged(picture: Picture, size: int) -> Picture:
