@@ -167,6 +167,19 @@ def test_transparent_parts_are_mid_grey(tmp_path: Path, suffix: str, options: di
     assert photo.notes == ("transparent parts taken as mid-grey",)
 
 
+@pytest.mark.parametrize("name", ["RGBA.gif", "RGBA.png", "LA.png", "RGBA.webp", "LA.tif"])
+def test_a_cut_out_is_on_mid_grey_in_every_format(tmp_path: Path, name: str) -> None:
+    mode = name.split(".")[0]
+    stored = picture().convert(mode)
+    cover = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    cover[:, :20] = 0
+    stored.putalpha(Image.fromarray(cover))
+    read = photo_of(tmp_path / name, stored)
+    assert (read[:, :20] == MID_GREY).all()
+    opaque = np.asarray(picture().convert(mode[:-1]).convert("RGB"), dtype=int)
+    assert np.abs(read[:, 20:] - opaque[:, 20:]).mean() < 8
+
+
 def test_a_foreign_colour_profile_is_told(tmp_path: Path) -> None:
     from PIL import ImageCms
 

@@ -172,17 +172,22 @@ def _decode(path: Path, start: bytes) -> _Stored:
         values = file.read_image(0, 0, 0, min(file.spec().nchannels, 4), oiio.UINT8)
         if values is None or file.has_error:
             raise damaged(path, file.geterror())
-        return _as_rgb(values.reshape(values.shape[0], values.shape[1], -1), file.spec())
+        values = values.reshape(values.shape[0], values.shape[1], -1)
+        return _as_rgb(values, file.spec(), file.format_name())
 
 
-def _as_rgb(values: UInt8[np.ndarray, "height width channels"], spec: oiio.ImageSpec) -> _Stored:
+def _as_rgb(
+    values: UInt8[np.ndarray, "height width channels"], spec: oiio.ImageSpec, kind: str
+) -> _Stored:
     """Bring one to four channels to RGB: spread grey, lay alpha over mid-grey."""
     notes = []
     channels = values.shape[2]
     rgb = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
-    if spec.alpha_channel in (1, 3) and spec.alpha_channel < channels:
-        straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
-        rgb, see_through = _over_mid_grey(rgb, values[..., spec.alpha_channel], straight)
+    names = spec.channelnames[:channels]
+    if "A" in names:  # not spec.alpha_channel, which is off by one for GIF
+        # GIF's alpha is all or nothing and its hidden colours are not black, which nothing states.
+        straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha")) or kind == "gif"
+        rgb, see_through = _over_mid_grey(rgb, values[..., names.index("A")], straight)
         if see_through:
             notes.append("transparent parts taken as mid-grey")
     profile = spec.get_string_attribute("ICCProfile:profile_description")
