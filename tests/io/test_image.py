@@ -253,6 +253,13 @@ def png_header(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + body
 
 
+def wide_gif(path: Path, height: int) -> None:
+    """A GIF of one small frame that states a huge screen."""
+    Image.new("L", (40, 40)).save(path)
+    content = path.read_bytes()
+    path.write_bytes(content[:6] + struct.pack("<HH", 60_000, height) + content[10:])
+
+
 def wide_tiff(path: Path) -> None:
     Image.new("1", (60_000, 40)).save(path, compression="group4")
 
@@ -263,6 +270,8 @@ MAKE_BAD: dict[str, tuple[str, Callable[[Path], object]]] = {
     "1x1": ("photo.png", lambda path: Image.new("RGB", (1, 1)).save(path)),
     "31 px": ("photo.png", lambda path: Image.new("RGB", (31, 500)).save(path)),
     "bomb": ("photo.png", lambda path: path.write_bytes(png_header(60_000, 60_000))),
+    "GIF bomb": ("photo.gif", lambda path: wide_gif(path, 60_000)),
+    "wide GIF": ("photo.gif", lambda path: wide_gif(path, 40)),
     "60,000 px wide": ("photo.tif", wide_tiff),
     "101 megapixels": (
         "p.tif",

@@ -31,6 +31,8 @@ PHOTO_SUFFIXES = frozenset(
 MID_GREY = 118
 """sRGB of an 18 % reflector: what a metered camera makes of an unknown scene."""
 
+PNG_START = b"\x89PNG"
+DECODED_WHEN_OPENED = (b"GIF8", b"\0\0\0\x0cjP  ", b"\xff\x4f\xff\x51")  # GIF, JPEG 2000
 HEIF_BRANDS = (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
 
 
@@ -163,12 +165,11 @@ def _is_photo_name(path: Path) -> bool:
 
 
 def _decode(path: Path, start: bytes) -> _Stored:
+    _check_with_pillow(path, start)
     with opened(path, MAX_PHOTO_PIXELS) as file:
         if is_floating_point(file):
             pixels = _encode_radiance(read_radiance(file, path))
             return _Stored(pixels, _exif(file.spec()), ("scene-linear file: 1.0 taken as white",))
-        if start.startswith(b"\x89PNG"):
-            _refuse_broken_png(path)
         values = file.read_image(0, 0, 0, min(file.spec().nchannels, 4), oiio.UINT8)
         if values is None or file.has_error:
             raise damaged(path, file.geterror())
@@ -216,11 +217,25 @@ def _encode_radiance(
     return np.floor(encode(np.clip(radiance, 0, 1)) * 255 + 0.5).astype(np.uint8)
 
 
-def _refuse_broken_png(path: Path) -> None:
-    """Check a PNG's chunks first: libpng tells of damage on stderr, past every error handler."""
+def _check_with_pillow(path: Path, start: bytes) -> None:
+    """Check what OpenImageIO would find out too late or too loudly.
+
+    It decodes GIF and JPEG 2000 when it opens them, whatever their size, and libpng tells of damage
+    on stderr, past every error handler.
+    """
+    is_png = start.startswith(PNG_START)
+    if not (is_png or start.startswith(DECODED_WHEN_OPENED)):
+        return
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as picture:
-            picture.verify()
+            check_size(path, *picture.size, MAX_PHOTO_PIXELS)
+            if is_png:
+                picture.verify()
+    except Image.DecompressionBombError as error:
+        expected = f"a photo of at most {MAX_PHOTO_PIXELS / 1e6:.0f} megapixels"
+        raise ImageFileError(expected, f"{path}, far larger", "make it smaller first") from error
+    except UnidentifiedImageError as error:
+        raise not_an_image(path, "a damaged header") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise damaged(path, str(error)) from error
 
