@@ -1,0 +1,116 @@
+"""Equirectangular environments as each tool expects them.
+
+A tool's default environment puts some fixed direction of its own axes into the picture's centre
+column. Turning the environment so that the photo's view lies where the tool's own camera looks
+is then a shift of columns by whole quarter turns: exact, nothing is resampled. In all of these
+tools the picture is seen from inside, right of centre being on the right, left-handed or not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32
+
+from deeplight.errors import InputError
+
+
+@dataclass(frozen=True)
+class Tool:
+    """How one tool looks at an equirectangular environment.
+
+    Attributes:
+        name: what `--for` calls it.
+        right, up, view: where our camera's +X, +Y and -Z lie on the tool's axes.
+        centre: the tool's direction in the environment's centre column.
+        source: where its mapping is written down.
+    """
+
+    name: str
+    right: tuple[int, int, int]
+    up: tuple[int, int, int]
+    view: tuple[int, int, int]
+    centre: tuple[int, int, int]
+    source: str
+
+    @property
+    def view_u(self) -> float:
+        """Column of our view direction in a picture for this tool, 0 (left) to 1 (right)."""
+        centre, view, right = (np.array(axis) for axis in (self.centre, self.view, self.right))
+        angle_right_of_view = np.arctan2(centre @ right, centre @ view)
+        return float((0.5 - angle_right_of_view / (2 * np.pi)) % 1.0)
+
+    @property
+    def axes(self) -> str:
+        """Our axes in the tool's, in words."""
+        ours = (("+X", self.right), ("+Y", self.up), ("-Z", self.view))
+        return ", ".join(f"our {name} is its {_axis(axis)}" for name, axis in ours)
+
+
+def _axis(axis: tuple[int, int, int]) -> str:
+    (index,) = np.flatnonzero(axis)
+    return f"{'+' if axis[index] > 0 else '-'}{'XYZ'[index]}"
+
+
+TOOLS = {
+    tool.name: tool
+    for tool in (
+        Tool(
+            "blender",
+            right=(1, 0, 0),
+            up=(0, 0, 1),
+            view=(0, 1, 0),
+            centre=(1, 0, 0),
+            source="Cycles, direction_to_equirectangular: u = -atan2(y, x) / 2 pi + 1/2",
+        ),
+        Tool(
+            "three",
+            right=(1, 0, 0),
+            up=(0, 1, 0),
+            view=(0, 0, -1),
+            centre=(1, 0, 0),
+            source="three.js, equirectUv: u = atan2(z, x) / 2 pi + 1/2",
+        ),
+        Tool(
+            "mitsuba",
+            right=(-1, 0, 0),
+            up=(0, 1, 0),
+            view=(0, 0, 1),
+            centre=(0, 0, 1),
+            source="Mitsuba 3.9 envmap, measured; its cameras look along +Z with +X to the left",
+        ),
+        Tool(
+            "unity",
+            right=(1, 0, 0),
+            up=(0, 1, 0),
+            view=(0, 0, 1),
+            centre=(1, 0, 0),
+            source="Skybox/Panoramic shader, ToRadialCoords: u = 1/2 - atan2(z, x) / 2 pi",
+        ),
+        Tool(
+            "unreal",
+            right=(0, 1, 0),
+            up=(0, 0, 1),
+            view=(1, 0, 0),
+            centre=(0, -1, 0),
+            source="TextureCompressorModule, LookupLongLat: u = (1 + atan2(x, -y) / pi) / 2",
+        ),
+    )
+}
+"""The tools that take an equirectangular environment, by name."""
+
+
+def turned_for(
+    latlong: Float32[np.ndarray, "height width 3"], tool: str
+) -> Float32[np.ndarray, "height width 3"]:
+    """Turn our environment (centre = the view) into the one that `tool` expects.
+
+    Raises:
+        InputError: no such tool, or the width is no multiple of 4.
+    """
+    if tool not in TOOLS:
+        raise InputError(f"one of {', '.join(sorted(TOOLS))}", repr(tool), "name one of them")
+    width = latlong.shape[1]
+    columns = (TOOLS[tool].view_u - 0.5) * width
+    if columns != round(columns):
+        raise InputError("a width of whole quarter turns", f"{width} pixels", "use a multiple of 4")
+    return np.roll(latlong, round(columns), axis=1)

@@ -1,0 +1,176 @@
+"""Lighting on disk: an environment to light with, and a JSON file that says what it means."""
+
+import base64
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight.errors import ImageFileError
+from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, project
+from deeplight.io.atomic import replacing
+from deeplight.io.hdr import read_hdr, write_exr, write_hdr
+from deeplight.io.image_file import opened
+from deeplight.lighting import Lighting
+
+FORMAT = "deeplight lighting"
+FORMAT_VERSION = 1
+LATLONG_HEIGHT = 256
+FRAME = "camera: +X right, +Y up, +Z towards the camera; the camera looks along -Z"
+UNIT = "linear radiance; 1.0 is the camera's white, where a pixel of the photo just saturates"
+VIEW_U = "deeplight:viewU"
+"""Header entry of an EXR: the column of the view direction, 0 (left) to 1 (right)."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """How far an environment is turned from ours, whose centre column is the view.
+
+    Attributes:
+        made_for: the tool it is turned for; None is ours.
+        view_u: column of the view direction, 0 (left) to 1 (right), a multiple of 1/4.
+        axes: our axes in the tool's, in words.
+    """
+
+    made_for: str | None = None
+    view_u: float = 0.5
+    axes: str = "our own"
+
+
+def save_lighting(
+    lighting: Lighting,
+    stem: Path | str,
+    *,
+    turn: Turn | None = None,
+    hdr: bool = False,
+    facts: Mapping[str, Any] | None = None,
+    latlong: Float[np.ndarray, "height width 3"] | None = None,
+) -> list[Path]:
+    """Write `<stem>.exr` and `<stem>.json`, each whole or not at all.
+
+    Args:
+        lighting: in the camera frame.
+        stem: path without suffix; a dot in it stays.
+        turn: how to turn the environment; left out, the centre column is the view (-Z), right of
+            it is +X. The JSON's numbers stay in the camera frame in any case.
+        hdr: also write `<stem>.hdr` (Radiance RGBE).
+        facts: further entries for the JSON, such as the model's hash.
+        latlong: `lighting.latlong(256)`, if it is at hand: it takes most of the time.
+
+    Returns:
+        The files written.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    turn = turn or Turn()
+    folder, name = Path(stem).parent, Path(stem).name
+    if latlong is None:
+        latlong = lighting.latlong(LATLONG_HEIGHT)
+    turned = np.roll(latlong, round((turn.view_u - 0.5) * latlong.shape[1]), axis=1)
+    files = [folder / f"{name}.exr"]
+    header = {"deeplight:unit": UNIT, "deeplight:frame": FRAME, VIEW_U: turn.view_u}
+    write_exr(files[0], turned, header)
+    if hdr:
+        files.append(folder / f"{name}.hdr")
+        write_hdr(files[1], turned)
+    record = _record(lighting, turn, [file.name for file in files]) | dict(facts or {})
+    files.append(folder / f"{name}.json")
+    with replacing(files[-1]) as temporary:
+        temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    return files
+
+
+def load_lighting(path: Path | str) -> Lighting:
+    """Read lighting back from a `.json` (exact) or an environment.
+
+    From an environment the mirror ball comes back with its power to 2 %; beside a strong light a
+    pixel may take some of it. One turned for a tool is turned back, if it is an EXR of ours. A
+    foreign environment's centre column is taken as the view.
+
+    Raises:
+        OSError: there is no such file, or reading it is not permitted.
+        ImageFileError: not a lighting file, of another version, or damaged.
+        ShapeError: the environment is not twice as wide as high.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".json":
+        return _from_json(path)
+    latlong = np.maximum(read_hdr(path), 0)
+    shift = round((0.5 - _view_u(path)) * latlong.shape[1])
+    return Lighting.from_latlong(np.roll(latlong, shift, axis=1))
+
+
+def _view_u(path: Path) -> float:
+    with opened(path, max_pixels=10**9) as file:
+        return float(file.spec().get_float_attribute(VIEW_U, 0.5))
+
+
+def _from_json(path: Path) -> Lighting:
+    do = "write it again with this version of deeplight"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        kind = (record["format"], record["format_version"])
+        if kind != (FORMAT, FORMAT_VERSION):
+            raise ImageFileError(f"a {FORMAT} file of version {FORMAT_VERSION}", f"{kind}", do)
+        size = int(record["mirror_ball"]["size"])
+        values = np.frombuffer(base64.b64decode(record["mirror_ball"]["radiance"]), "<f4")
+        return Lighting(values.reshape(size, size, 3))
+    except (ValueError, KeyError, TypeError) as error:
+        got = f"{path}, which is none ({type(error).__name__}: {error})"
+        raise ImageFileError(f"a {FORMAT} file", got, do) from error
+
+
+def _record(lighting: Lighting, turn: Turn, environments: list[str]) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "frame": FRAME,
+        "unit": UNIT,
+        "environment": {
+            "files": environments,
+            "mapping": "equirectangular, top row up (+Y), seen from inside",
+            "height": LATLONG_HEIGHT,
+            "width": 2 * LATLONG_HEIGHT,
+            "made_for": turn.made_for,
+            "view_u": turn.view_u,
+            "axes": turn.axes,
+        },
+        "dominant_light": _dominant(lighting),
+        "spherical_harmonics": _harmonics(lighting),
+        "mirror_ball": {
+            "size": lighting.size,
+            "encoding": "base64 of float32, little-endian, rows from the top, RGB",
+            "radiance": base64.b64encode(lighting.radiance.astype("<f4").tobytes()).decode(),
+        },
+    }
+
+
+def _dominant(lighting: Lighting) -> dict[str, Any]:
+    light = dominant_light(lighting)
+    return {
+        "primary_light_direction": light.direction.tolist(),
+        "primary_light_intensity": light.irradiance.tolist(),
+        "meaning": "direction: unit vector towards the light; intensity: RGB irradiance on a "
+        "surface that faces it, radiance unit times sr",
+        "share_of_power": light.share,
+    }
+
+
+def _harmonics(lighting: Lighting) -> dict[str, Any]:
+    coefficients = project(lighting)
+    return {
+        "quantity": "radiance of the whole environment, dominant light included",
+        "order": "00, 1-1, 10, 11, 2-2, 2-1, 20, 21, 22, each RGB",
+        "basis": "orthonormal real harmonics in x, y, z of the frame above",
+        "spherical_harmonics_coefficients": coefficients.tolist(),
+        "sign": "all positive (three.js, Ramamoorthi and Hanrahan 2001)",
+        "spherical_harmonics_coefficients_condon_shortley": (
+            coefficients * CONDON_SHORTLEY[:, None]
+        ).tolist(),
+        "sign_condon_shortley": "1, 3, 5 and 7 negated (ARCore, WebXR in Chromium)",
+    }
