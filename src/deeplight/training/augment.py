@@ -24,9 +24,9 @@ class AugmentConfig:
     noise: float = 0.0
     """Standard deviation of pixel noise added to the photo, in pixel value (1 = white)."""
     exposure_stops: float = 0.0
-    """Standard deviation of an exposure change of photo and spheres; the paper found no benefit."""
+    """Standard deviation of an exposure change of photo and spheres; no benefit in the paper."""
     white_balance: float = 0.0
-    """Standard deviation of the natural logarithm of a gain per channel; no benefit in the paper."""
+    """Standard deviation of the logarithm of a gain per channel; no benefit in the paper."""
 
 
 @dataclass(frozen=True)
@@ -85,16 +85,17 @@ def flip(inputs: Inputs) -> Inputs:
 
 
 def turn_back(
-    log_radiance: Float[Tensor, "n 3 size size"], flipped: Bool[Tensor, "n"]
-) -> Float[Tensor, "n 3 size size"]:
+    log_radiance: Float[Tensor, "n 3 height width"], flipped: Bool[Tensor, "n"]
+) -> Float[Tensor, "n 3 height width"]:
     """The light of the scene as it was before `flip`: u -> -u on the mirror ball."""
     return torch.where(flipped[:, None, None, None], log_radiance.flip(-1), log_radiance)
 
 
 def jitter(inputs: Inputs, exposure_stops: float, white_balance: float) -> Inputs:
-    """One gain per example and channel on photo and spheres alike, in linear radiance, clipped at white.
+    """One linear gain per example and channel on photo and spheres alike, clipped at white.
 
-    What was clipped already does not come back when the gain is below 1: such a camera does not exist.
+    What was clipped already does not come back when the gain is below 1: a camera that does
+    not exist, which may be why the paper found no benefit.
     """
     n, device = len(inputs.photo), inputs.photo.device
     stops = exposure_stops * torch.randn(n, 1)

@@ -1,4 +1,4 @@
-"""Training batches: which examples belong to which step, and reading them without holding training back."""
+"""Which examples belong to which step, and reading them without holding training back."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class DataConfig:
 
 
 class Batch(NamedTuple):
-    """Examples as bytes: photo (n, height, width, 3), spheres (n, sphere, size, size, 3), rig (n)."""
+    """Bytes: photo (n, height, width, 3), spheres (n, sphere, size, size, 3); and rig (n)."""
 
     photo: Tensor
     spheres: Tensor
@@ -173,7 +173,7 @@ class BatchSource:
             return
         loader = DataLoader(
             self.examples,
-            batch_sampler=StepIndices(self.order, batch_size, start, stop),  # type: ignore[arg-type]
+            batch_sampler=StepIndices(self.order, batch_size, start, stop),
             num_workers=self.config.workers,
             prefetch_factor=4 if self.config.workers else None,
             pin_memory=self.device.type == "cuda",

@@ -1,4 +1,4 @@
-"""Checkpoints as safetensors, written whole or not at all; no pickle, so nothing in one is ever run.
+"""Checkpoints as safetensors, written whole or not at all; no pickle, so none is ever executed.
 
 All randomness of a step comes from (seed, step), see `loop`; the step number in a checkpoint is
 therefore the state of every random number generator.

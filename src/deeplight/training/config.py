@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from deeplight.errors import ConfigError
+from deeplight.sphere import SPHERES
 from deeplight.training.augment import AugmentConfig
 from deeplight.training.batches import DataConfig
 from deeplight.training.generator import NetworkConfig
@@ -89,15 +90,14 @@ GPU = replace(
 
 
 def only(config: TrainConfig, *spheres: str) -> TrainConfig:
-    """The same run taught by these spheres alone (table 1's L1(m), L1(s), L1(d)), in the same proportion."""
-    weights = {
-        name: getattr(config.loss, name) if name in spheres else 0.0
-        for name in ("mirror", "matte_silver", "diffuse")
-    }
-    total = sum(weights.values())
-    return replace(
-        config, loss=replace(config.loss, **{name: w / total for name, w in weights.items()})
-    )
+    """The same run taught by these spheres alone, as the rows L1(m), L1(s), L1(d) of table 1."""
+    weights = [
+        w if name in spheres else 0.0
+        for name, w in zip(SPHERES, config.loss.weights(), strict=True)
+    ]
+    mirror, matte_silver, diffuse = (weight / sum(weights) for weight in weights)
+    loss = replace(config.loss, mirror=mirror, matte_silver=matte_silver, diffuse=diffuse)
+    return replace(config, loss=loss)
 
 
 PRESETS: dict[str, TrainConfig] = {
@@ -166,8 +166,9 @@ def coerced(key: str, value: Any, section: Any, name: str) -> Any:
     literal = bool(allowed) and all(isinstance(a, str) for a in allowed)
     if literal and value not in allowed:
         raise ConfigError(f"{key} to be one of {', '.join(allowed)}", repr(value), "choose one")
-    expected = type(default) if default is not None else int
-    if type(value) is not expected and not (annotation == int | None and type(value) is int):
+    optional = annotation == int | None
+    expected = int if optional else type(default)
+    if type(value) is not expected and not (optional and value is None):
         raise ConfigError(f"{key} as {expected.__name__}", repr(value), "change the value")
     return value
 

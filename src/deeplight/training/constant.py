@@ -11,7 +11,7 @@ from torch import Tensor
 
 from deeplight.lighting import Lighting
 from deeplight.training.generator import START_RADIANCE
-from deeplight.training.losses import LossConfig, RigBases, masked_l1
+from deeplight.training.losses import LossConfig, RigBases, masked_norm, pixels_of, target_pixels
 
 LEARNING_RATE = 0.05
 
@@ -48,16 +48,26 @@ def fit_log_radiance(
     optimiser = torch.optim.Adam([q], lr=LEARNING_RATE)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     weights = torch.tensor(loss.weights(), device=device)
+    targets = target_pixels(spheres.flatten(2, 3).transpose(2, 3) / 255.0, loss.form).to(device)
+    every_rig = torch.arange(rigs)
+    masks = bases.masks(every_rig)
     order = torch.randperm(len(spheres), generator=torch.Generator().manual_seed(0))
     for step in range(steps):
         chosen = order.roll(-step * batch_size)[:batch_size]
-        pixels = spheres[chosen].to(device).flatten(2, 3).transpose(2, 3) / 255.0
         # Rendered once per rig, not once per example.
-        rendered = bases.render(q.expand(rigs, -1, -1, -1), torch.arange(rigs))
-        rows = rig[chosen]
-        per_sphere = masked_l1(rendered[rows.to(device)], pixels, bases.masks(rows), loss.form)
+        shown = pixels_of(bases.render(q.expand(rigs, -1, -1, -1), every_rig), masks)
+        wanted = targets[chosen.to(device)]
+        difference = of_rig(shown, rig[chosen]) - wanted
+        per_sphere = masked_norm(difference, of_rig(masks, rig[chosen]))
         optimiser.zero_grad()
         (per_sphere.mean(0) * weights).sum().backward()  # type: ignore[no-untyped-call]
         optimiser.step()
         schedule.step()
     return q.detach()
+
+
+def of_rig(values: Tensor, rig: Int[Tensor, "n"]) -> Tensor:
+    """Each example's row of `values`, which has one per rig."""
+    if len(values) == 1:  # without the copies that indexing makes
+        return values.expand(len(rig), *values.shape[1:])
+    return values[rig.to(values.device)]

@@ -48,7 +48,7 @@ class NetworkConfig:
 
 
 class Decoder(nn.Module):
-    """Latent vector -> 4 x 4 picture -> three times (bilinear x2, 3x3 convolution) -> 32 x 32 x 3."""
+    """Latent vector -> 4 x 4 picture -> three times (bilinear x2, 3x3 convolution) -> 32 x 32."""
 
     def __init__(self, latent_size: int, widths: tuple[int, int], norm: Norm) -> None:
         super().__init__()
@@ -66,7 +66,7 @@ class Decoder(nn.Module):
 
 
 class Generator(nn.Module):
-    """Photo in [-0.5, 0.5] -> natural logarithm of radiance on the 32 x 32 mirror ball, camera frame.
+    """Photo in [-0.5, 0.5] -> ln radiance on the 32 x 32 mirror ball, camera frame.
 
     Batch norm and ReLU6 follow every layer but the last (Implementation Details), which is linear.
     """
@@ -91,7 +91,7 @@ class Generator(nn.Module):
         self.initialise()
 
     def initialise(self) -> None:
-        """He's initialisation for ReLU networks; the output starts near ln 0.3 with little spread."""
+        """He's initialisation for ReLU; the output starts near ln 0.3 with little spread."""
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
@@ -117,7 +117,7 @@ def twice_as_large(x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h2 w2"]:
 
 @torch.no_grad()
 def fold_batch_norm(generator: Generator) -> None:
-    """Fold every batch norm into the layer before it, in place; the function in evaluation is unchanged."""
+    """Fold every batch norm into the layer before it, in place; what is computed stays the same."""
     generator.eval()
     for module in generator.modules():
         if isinstance(module, ConvNorm) and isinstance(module.norm, nn.BatchNorm2d):

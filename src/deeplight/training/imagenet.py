@@ -1,4 +1,4 @@
-"""ImageNet weights for the encoder, from an `.npz` whose batch norm is folded into the convolutions."""
+"""ImageNet weights for the encoder, from an `.npz` with batch norm folded into the convolutions."""
 
 from pathlib import Path
 
@@ -64,7 +64,8 @@ def copy_folded(conv: nn.Conv2d, arrays: dict[str, np.ndarray], name: str, path:
         array = arrays.get(f"{stored}.{part}")
         if array is None or parameter is None or array.shape != tuple(parameter.shape):
             got = "nothing" if array is None else f"shape {array.shape}"
-            raise ModelError(f"{stored}.{part} in {path.name}", got, "use the folded MobileNetV2 1.0")
+            what = f"{stored}.{part} in {path.name}"
+            raise ModelError(what, got, "use the folded MobileNetV2 1.0")
         with torch.no_grad():
             parameter.copy_(torch.from_numpy(array.astype(np.float32)))
 
@@ -85,7 +86,8 @@ def restore_batch_norm(
     layers = dict(named_convolutions(encoder))
     for name, source in named_convolutions(folded):
         norm, bias = layers[name].norm, source.conv.bias
-        assert isinstance(norm, nn.BatchNorm2d) and bias is not None
+        assert isinstance(norm, nn.BatchNorm2d)
+        assert bias is not None
         mean, variance = moments[name]
         layers[name].conv.weight.copy_(source.conv.weight)
         norm.running_mean, norm.running_var = mean - bias, variance
@@ -111,7 +113,7 @@ def output_moments(
         for name, layer in named_convolutions(encoder)
     ]
     try:
-        for chunk in photos.split(batch_size):
+        for chunk in torch.split(photos, batch_size):
             encoder(chunk)
     finally:
         for hook in hooks:

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -23,7 +22,7 @@ from deeplight.training.augment import Inputs, augment, prepare, turn_back
 from deeplight.training.batches import Batch, BatchSource, ExampleBytes, Order
 from deeplight.training.config import TrainConfig, differences, flatten
 from deeplight.training.constant import fit_log_radiance
-from deeplight.training.generator import Generator
+from deeplight.training.generator import PHOTO_SIZE, Generator, Orientation
 from deeplight.training.imagenet import load_imagenet
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
@@ -33,7 +32,7 @@ from deeplight.training.validation import SphereErrors, Validation, score, some_
 try:  # the same Fabric comes in two packages
     from lightning_fabric import Fabric
 except ImportError:
-    from lightning.fabric import Fabric
+    from lightning.fabric import Fabric  # type: ignore[no-redef]
 
 BEST = "best.safetensors"
 CONSTANT = "constant_log_radiance.npy"
@@ -69,12 +68,12 @@ def train(
 
     Raises:
         DataSetError: the data set is missing, broken or without the splits the settings name.
-        ConfigError: `run_dir` holds a run with other settings or other data, or the loss is not finite.
+        ConfigError: `run_dir` holds a run with other settings or data; the loss is not finite.
         ModelError: the ImageNet weights or the checkpoint cannot be read.
     """
     run = Run(open_dataset(data_dir), run_dir, config, imagenet)
     try:
-        return run.to_the_end(watch or (lambda progress: None))
+        return run.to_the_end(watch or (lambda _: None))
     finally:
         run.record.close()
 
@@ -95,7 +94,7 @@ class Run:
         )
         self.device: torch.device = self.fabric.device
         self.read_data(data)
-        self.build_network(imagenet if saved is None else None)
+        self.build_network(None if saved else imagenet)
         self.step, self.best_score = 0, float("inf")
         if saved:
             self.restore(*saved)
@@ -119,6 +118,7 @@ class Run:
         self.bases = RigBases.from_rigs(list(data.rigs.values())).to(self.device)
         index = data.index(config.train_split)
         self.examples = ExampleBytes(index, names)
+        refuse_other_size(self.examples, self.config.network.orientation)
         places = index.places if config.place_balanced else None
         self.order = Order(len(index), self.config.run.seed, places)
         self.source = BatchSource(self.examples, config, self.order, self.device)
@@ -143,7 +143,9 @@ class Run:
         self.generator.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.optimiser = make_optimiser(self.generator, config.optimiser)
         self.average = MovingAverage(self.generator, config.optimiser.ema_decay)
-        module = torch.compile(self.generator) if config.run.compile else self.generator
+        module: nn.Module = self.generator
+        if config.run.compile:
+            module = torch.compile(module)  # type: ignore[assignment]
         self.network, self.fabric_optimiser = self.fabric.setup(module, self.optimiser)
         self.judged = Generator(config.network).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.judge = self.fabric.setup(self.judged)
@@ -243,7 +245,7 @@ class Run:
         return Progress(self.step, self.total, row["loss"], speed)
 
     def refuse_divergence(self, losses: np.ndarray, start: int) -> None:
-        """Stop on a loss that is not finite, with its batch saved; no checkpoint holds what came of it."""
+        """Stop on a loss that is not finite and save its batch, but no checkpoint."""
         if np.isfinite(losses).all():
             return
         step = start + int(np.argmin(np.isfinite(losses)))
@@ -312,6 +314,17 @@ def refuse_other_run(
             f"the settings that the run in {run_dir} was started with",
             f"changes of {'; '.join(changes)}",
             "undo them or give another --out",
+        )
+
+
+def refuse_other_size(examples: ExampleBytes, orientation: Orientation) -> None:
+    """Portrait photos need the portrait network."""
+    expected, (height, width, _) = PHOTO_SIZE[orientation], examples[0].photo.shape
+    if (height, width) != expected:
+        raise ConfigError(
+            f"photos of {expected[0]} x {expected[1]} for network.orientation={orientation}",
+            f"{height} x {width}",
+            "choose the other orientation",
         )
 
 

@@ -1,4 +1,4 @@
-"""Image-based relighting loss: render the spheres under the predicted light, compare pixels [section 3.4].
+"""The relighting loss: render the spheres under the predicted light, compare pixels [section 3.4].
 
 Everything here runs in float32 whatever the network's precision: exp, the basis product and the
 soft clip lose the sun in half precision.
@@ -36,8 +36,8 @@ class LossConfig:
     matte_silver: float = 0.2
     diffuse: float = 0.6
     form: Form = "consistent"
-    """What the sphere's pixel I is compared as. consistent: soft-clipped in linear radiance, as the
-    rendering is; paper: equation 5 to the letter, soft-clipped as a pixel value; plain: as it is."""
+    """What a sphere's pixel I is compared as. consistent: soft-clipped in linear radiance, like the
+    rendering; paper: equation 5 to the letter, soft-clipped as a pixel value; plain: as it is."""
     reduction: Reduction = "mean"
     """Over masked pixels and channels of one sphere; over examples it is always the mean."""
 
@@ -85,7 +85,7 @@ class RigBases(nn.Module):
             rendered = radiance.new_empty(
                 len(radiance), self.basis.shape[1], 3, self.basis.shape[2]
             )
-            for index in rig.unique().tolist():
+            for index in sorted(set(rig.tolist())):
                 rows = (rig == index).nonzero()[:, 0].to(radiance.device, non_blocking=True)
                 rendered = rendered.index_copy(0, rows, relight(self.basis[index], radiance[rows]))
             return rendered
@@ -116,6 +116,16 @@ def encode(linear: Tensor) -> Tensor:
     return linear.clamp_min(DARKEST) ** (1.0 / GAMMA)
 
 
+def pixels_of(
+    rendered: Float[Tensor, "n sphere 3 pixel"], mask: Float[Tensor, "n sphere 1 pixel"]
+) -> Float[Tensor, "n sphere 3 pixel"]:
+    """Pixel values of linear renderings; 1 outside the mask.
+
+    Masked before the power: in the corners 0 * inf would be a gradient of nan.
+    """
+    return encode(soft_clip(torch.where(mask > 0, rendered, torch.ones_like(rendered))))
+
+
 def target_pixels(pixels: Tensor, form: Form) -> Tensor:
     """What a sphere's pixel values in [0, 1] are compared as; see `LossConfig.form`."""
     if form == "plain":
@@ -138,10 +148,17 @@ def masked_l1(
     channels, "sum" is the norm as printed (some 2,000 times larger, so that the adversarial weight
     would mean something else).
     """
-    # Masked before the power: 0 * inf = nan in the gradient of the corners.
-    inside = torch.where(mask > 0, rendered, torch.ones_like(rendered))
-    difference = (encode(soft_clip(inside)) - target_pixels(pixels, form)).abs() * mask
-    total = difference.sum((2, 3))
+    difference = pixels_of(rendered, mask) - target_pixels(pixels, form)
+    return masked_norm(difference, mask, reduction)
+
+
+def masked_norm(
+    difference: Float[Tensor, "n sphere 3 pixel"],
+    mask: Float[Tensor, "n sphere 1 pixel"],
+    reduction: Reduction = "mean",
+) -> Float[Tensor, "n sphere"]:
+    """Sum or mean of |difference| over masked pixels and channels."""
+    total = (difference.abs() * mask).sum((2, 3))
     return total if reduction == "sum" else total / (3.0 * mask.sum((2, 3)))
 
 

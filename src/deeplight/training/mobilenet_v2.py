@@ -31,7 +31,7 @@ BATCH_NORM_EPSILON = 1e-3  # as in the TensorFlow network
 
 
 class ConvNorm(nn.Module):
-    """A convolution with TensorFlow's SAME padding, then batch norm or a bias, then ReLU6 or nothing."""
+    """A convolution with TensorFlow's SAME padding, batch norm or a bias, and ReLU6 or nothing."""
 
     def __init__(
         self,
@@ -65,16 +65,14 @@ class ConvNorm(nn.Module):
 
 
 class InvertedResidual(nn.Module):
-    """Expand by a 1x1, filter by a depthwise 3x3, project by a linear 1x1; add the input if shapes allow."""
+    """Expand by 1x1, filter by depthwise 3x3, project by linear 1x1; add the input if it fits."""
 
     def __init__(
         self, channels_in: int, channels_out: int, expansion: int, stride: int, norm: Norm
     ) -> None:
         super().__init__()
         wide = channels_in * expansion
-        self.expand = (
-            ConvNorm(channels_in, wide, norm, size=1) if expansion > 1 else nn.Identity()
-        )
+        self.expand = ConvNorm(channels_in, wide, norm, size=1) if expansion > 1 else nn.Identity()
         self.depthwise = ConvNorm(wide, wide, norm, stride=stride, groups=wide)
         self.project = ConvNorm(wide, channels_out, norm, size=1, activate=False)
         self.residual = stride == 1 and channels_in == channels_out
@@ -98,9 +96,7 @@ class MobileNetV2Encoder(nn.Module):
         for expansion, width, blocks, stride in STAGES:
             for block in range(blocks):
                 features.append(
-                    InvertedResidual(
-                        channels, width, expansion, stride if block == 0 else 1, norm
-                    )
+                    InvertedResidual(channels, width, expansion, stride if block == 0 else 1, norm)
                 )
                 channels = width
         self.features = nn.ModuleList(features)

@@ -24,7 +24,7 @@ class OptimiserConfig:
     freeze_blocks: int = 0
     """The stem and the first so many blocks keep their initial weights; 0 trains everything."""
     ema_decay: float = 0.0
-    """Decay per step of the moving average of the weights that is validated and shipped; 0: none."""
+    """Decay per step of the moving average of the weights, which is what is shipped; 0: none."""
     max_gradient_norm: float = 0.0
     """Gradients with a larger norm are scaled down to it; 0: never."""
 

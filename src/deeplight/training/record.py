@@ -1,4 +1,4 @@
-"""What a run leaves behind for people: run.toml, CSV tables, TensorBoard scalars, curves as a picture."""
+"""What a run leaves for people: run.toml, CSV tables, TensorBoard scalars, curves as a picture."""
 
 import csv
 import json
@@ -20,7 +20,7 @@ VALIDATION_COLUMNS = ("step", "split", *SPHERES, *(f"constant_{name}" for name i
 
 
 def write_run_toml(run_dir: Path, config: TrainConfig, facts: Mapping[str, Any]) -> None:
-    """Write the resolved settings, the versions, the commit and `facts` (seed and data among them)."""
+    """Write the resolved settings, versions, commit and `facts` (seed and data among them)."""
     sections: dict[str, dict[str, Any]] = {"run_facts": {**facts, "commit": commit()}}
     sections["versions"] = {"python": platform.python_version(), **versions()}
     for key, value in flatten(config).items():
@@ -54,7 +54,7 @@ def versions() -> dict[str, str]:
 
 
 def commit() -> str:
-    """The commit the package was run from, with -dirty if files were changed; "unknown" without git."""
+    """The commit of the package, with -dirty if files were changed; "unknown" without git."""
     command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
     try:
         result = subprocess.run(
@@ -71,7 +71,10 @@ class CsvTable:
     def __init__(self, path: Path, columns: Sequence[str], resume_step: int) -> None:
         self.path, self.columns = path, tuple(columns)
         rows = [row for row in read_csv(path) if int(row["step"]) <= resume_step]
-        with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        with (
+            replacing(path) as temporary,
+            temporary.open("w", newline="", encoding="utf-8") as file,
+        ):
             writer = csv.DictWriter(file, self.columns)
             writer.writeheader()
             writer.writerows(rows)
@@ -98,13 +101,13 @@ class RunRecord:
         self.run_dir = run_dir
         self.losses = CsvTable(run_dir / "losses.csv", LOSS_COLUMNS, resume_step)
         self.validation = CsvTable(run_dir / "validation.csv", VALIDATION_COLUMNS, resume_step)
-        self.board = SummaryWriter(str(run_dir / "tensorboard"), purge_step=resume_step + 1)  # type: ignore[no-untyped-call]
+        self.board = SummaryWriter(str(run_dir / "tensorboard"), purge_step=resume_step + 1)
 
     def add_losses(self, row: Mapping[str, float]) -> None:
         """One row of `LOSS_COLUMNS`."""
         self.losses.add(row)
         for name in ("loss", *SPHERES, "learning_rate", "images_per_second"):
-            self.board.add_scalar(f"train/{name}", row[name], int(row["step"]))  # type: ignore[no-untyped-call]
+            self.board.add_scalar(f"train/{name}", row[name], int(row["step"]))
 
     def add_validation(self, step: int, errors: Sequence[SphereErrors]) -> None:
         """One row per split."""
@@ -112,15 +115,15 @@ class RunRecord:
             constant = {f"constant_{name}": value for name, value in (e.constant or {}).items()}
             self.validation.add({"step": step, "split": e.split, **e.model, **constant})
             for name in SPHERES:
-                self.board.add_scalar(f"{e.split}/{name}", e.model[name], step)  # type: ignore[no-untyped-call]
-        self.board.flush()  # type: ignore[no-untyped-call]
+                self.board.add_scalar(f"{e.split}/{name}", e.model[name], step)
+        self.board.flush()
 
     def draw(self) -> None:
         """Draw curves.png from the tables."""
         draw_curves(self.run_dir)
 
     def close(self) -> None:
-        self.board.close()  # type: ignore[no-untyped-call]
+        self.board.close()
 
 
 def draw_curves(run_dir: Path) -> None:

@@ -21,7 +21,7 @@ Predict = Callable[[Inputs], Tensor]
 
 @dataclass(frozen=True)
 class SphereErrors:
-    """Mean masked L1 of each sphere over one split: |rendered pixel - pixel|, not soft-clipped again."""
+    """Mean masked L1 of each sphere over one split, against the pixels as they are."""
 
     split: str
     model: Mapping[str, float]
@@ -34,7 +34,7 @@ class SphereErrors:
 
 
 class Validation:
-    """Fixed examples of the validation splits, held in memory, and their errors for the constant lighting."""
+    """Fixed examples of the validation splits, and their errors for the constant lighting."""
 
     def __init__(self, tables: Mapping[str, Batch], bases: RigBases, device: torch.device) -> None:
         self.tables, self.bases, self.device = dict(tables), bases, device
@@ -85,6 +85,4 @@ def some_of(examples: ExampleBytes, most: int, workers: int) -> Batch:
 
 def score(errors: Sequence[SphereErrors], weights: Mapping[str, float]) -> float:
     """The one number runs are compared by: the weighted L1, mean over the splits."""
-    return float(
-        np.mean([sum(weights[name] * e.model[name] for name in SPHERES) for e in errors])
-    )
+    return float(np.mean([sum(weights[name] * e.model[name] for name in SPHERES) for e in errors]))

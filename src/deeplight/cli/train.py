@@ -1,0 +1,56 @@
+"""Train the network on a data set that `deeplight simulate` or a capture made.
+
+deeplight train --data data --out runs/first --preset small --imagenet mobilenet_v2.npz
+
+Run again with the same arguments, it goes on where it was stopped. The folder holds run.toml,
+losses.csv, validation.csv, curves.png, the checkpoints and best.safetensors.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `deeplight train`."""
+
+    data: Path
+    """Folder of the data set."""
+    out: Path
+    """Folder of the run; one that holds a run of the same settings is resumed."""
+    preset: str = "paper"
+    """paper, small (two CPU cores) or gpu; with -m, -s or -d only that sphere teaches."""
+    imagenet: Path | None = None
+    """Folded MobileNetV2 weights (.npz) that the encoder starts from."""
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """Change one setting of the preset: --set schedule.steps=500; repeat for more."""
+    minutes: float = 0.0
+    """Stop with a checkpoint after so many minutes; 0: never."""
+    export: Path | None = None
+    """Write the best weights of the finished run to this ONNX file."""
+
+
+def run(args: Args) -> None:
+    """Train with a progress bar; export if asked to."""
+    from deeplight.cli.train_progress import TrainProgress
+    from deeplight.training.config import preset
+    from deeplight.training.loop import train
+
+    settings = (*args.set, f"run.time_limit_minutes={args.minutes}")
+    config = preset(args.preset, settings)
+    with TrainProgress() as progress:
+        train(args.data, args.out, config, args.imagenet, progress.show)
+    if args.export is not None:
+        export_run(args.out, args.export, data=args.data.name)
+
+
+def export_run(run_dir: Path, path: Path, data: str = "", float16: bool = True) -> None:
+    """Write the best weights of a run as an ONNX file with its contract."""
+    from deeplight.export.onnx import export_onnx
+    from deeplight.training.release import contract_of, load_best
+
+    generator, header = load_best(run_dir)
+    export_onnx(generator, contract_of(header, data), path, float16)

@@ -1,0 +1,1 @@
+"""Trained networks and estimated light in the formats of others."""

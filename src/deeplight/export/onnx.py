@@ -1,0 +1,111 @@
+"""A trained network as an ONNX file with its contract inside.
+
+The caller applies exp to the output, in float32: ln radiance is what a file can hold in half
+precision without losing the sun.
+"""
+
+import logging
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import onnx
+import torch
+from onnx import ModelProto, TensorProto, helper, numpy_helper
+from torch import nn
+
+from deeplight.contract import CONTRACT_KEY, ModelContract
+from deeplight.errors import ModelError
+from deeplight.io.atomic import replacing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+OPSET = 18  # onnxruntime >= 1.14, its web build included
+HALF_MAX = 65504.0
+SMALLEST_HALVED = 64  # elements; shapes and scales stay as they are
+
+
+def export_onnx(
+    generator: nn.Module, contract: ModelContract, path: Path, float16: bool = True
+) -> None:
+    """Write `generator` as it is (evaluation mode, batch norm already folded) to `path`.
+
+    Args:
+        generator: maps photos (n, 3, height, width) in the contract's range to ln radiance
+            (n, 3, size, size); put back into the mode it was in.
+        contract: stored as metadata `deeplight.contract`.
+        float16: store the weights in half precision, half the file; computing stays in float32,
+            the outputs move by less than 0.01 in ln radiance.
+
+    Raises:
+        ModelError: a weight is too large for half precision.
+    """
+    write_model(traced(generator, contract), contract, path, float16)
+
+
+def write_model(model: ModelProto, contract: ModelContract, path: Path, float16: bool) -> None:
+    """Write a traced network and its contract; see `export_onnx`. Changes `model`."""
+    if float16:
+        store_as_float16(model)
+    entry = model.metadata_props.add()
+    entry.key, entry.value = CONTRACT_KEY, contract.to_json()
+    onnx.checker.check_model(model)
+    with replacing(path) as temporary:
+        onnx.save(model, str(temporary))
+
+
+def traced(generator: nn.Module, contract: ModelContract) -> ModelProto:
+    """The network's graph for any batch size."""
+    device = next(generator.parameters()).device
+    photo = torch.zeros(2, 3, contract.height, contract.width, device=device)
+    was_training = generator.training
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # notes of the exporter about its own future
+        program = torch.onnx.export(
+            generator.eval(),
+            (photo,),
+            input_names=[contract.input_name],
+            output_names=[contract.output_name],
+            dynamic_shapes=({0: torch.export.Dim("batch")},),
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+            external_data=False,
+        )
+    generator.train(was_training)
+    if program is None:
+        raise ModelError("a network that can be exported", type(generator).__name__, "report this")
+    return program.model_proto
+
+
+def store_as_float16(model: ModelProto) -> None:
+    """Halve the stored weights, in place: each gets a Cast to float32, which onnxruntime does once.
+
+    Raises:
+        ModelError: a weight lies outside half precision.
+    """
+    casts = []
+    for tensor in weights_of(model):
+        values = numpy_helper.to_array(tensor)
+        if abs(values).max() > HALF_MAX:
+            got = f"{tensor.name} with {abs(values).max():g}"
+            raise ModelError(f"weights up to {HALF_MAX:g}", got, "export with float16=False")
+        name, stored = tensor.name, f"{tensor.name}.float16"
+        tensor.CopyFrom(numpy_helper.from_array(values.astype("float16"), stored))
+        casts.append(helper.make_node("Cast", [stored], [name], to=TensorProto.FLOAT))
+    nodes = [*casts, *model.graph.node]
+    del model.graph.node[:]
+    model.graph.node.extend(nodes)
+
+
+def weights_of(model: ModelProto) -> "Iterator[TensorProto]":
+    """The float32 initialisers large enough to matter."""
+    for tensor in model.graph.initializer:
+        if tensor.data_type == TensorProto.FLOAT:
+            count = 1
+            for size in tensor.dims:
+                count *= size
+            if count >= SMALLEST_HALVED:
+                yield tensor

@@ -1,0 +1,93 @@
+"""The exported file computes what torch computes, and says how to call it."""
+
+import copy
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnxscript")
+
+import onnxruntime  # noqa: E402
+from torch import nn  # noqa: E402
+
+from deeplight.contract import CONTRACT_KEY, ModelContract  # noqa: E402
+from deeplight.errors import ModelError  # noqa: E402
+from deeplight.export.onnx import store_as_float16, traced, write_model  # noqa: E402
+from deeplight.training.generator import Generator, NetworkConfig  # noqa: E402
+
+CONTRACT = ModelContract(trained_on="nothing yet")
+
+
+@pytest.fixture(scope="module")
+def generator():
+    # He's weights keep the size of signals; random weights behind batch norm would be chaotic
+    # and blow up rounding errors as no trained network does. Folding is tested on its own.
+    torch.manual_seed(0)
+    generator = Generator(NetworkConfig(encoder_norm="none", decoder_norm="none")).eval()
+    nn.init.normal_(generator.decoder.up3.weight, std=0.1)  # the spread of a trained network
+    return generator
+
+
+@pytest.fixture(scope="module")
+def model(generator):
+    return traced(generator, CONTRACT)
+
+
+@pytest.fixture(scope="module")
+def files(model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("onnx")
+    for half in (False, True):
+        write_model(copy.deepcopy(model), CONTRACT, folder / f"{half}.onnx", half)
+    return {half: folder / f"{half}.onnx" for half in (False, True)}
+
+
+def run(path, photo):
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    return session.run(None, {"photo": photo})[0]
+
+
+def photos(n, seed=0):
+    """Smooth pictures, each of its own colour: noise would differ in nothing a network sees."""
+    random = np.random.default_rng(seed)
+    coarse = torch.from_numpy(
+        random.uniform(0, 1, (n, 3, 4, 3)) * random.uniform(0, 1, (n, 3, 1, 1))
+    )
+    photo = nn.functional.interpolate(coarse, (192, 135), mode="bicubic").clamp(0, 1) - 0.5
+    return photo.float().numpy()
+
+
+@pytest.mark.parametrize(("half", "bound"), [(False, 1e-4), (True, 1e-2)])
+@pytest.mark.parametrize("n", [1, 3])
+def test_onnxruntime_computes_what_torch_computes(generator, files, half, bound, n):
+    with torch.no_grad():
+        expected = generator(torch.from_numpy(photos(n))).numpy()
+    found = run(files[half], photos(n))
+    assert found.dtype == np.float32
+    assert expected.std() > 0.2
+    np.testing.assert_allclose(found, expected, atol=bound, rtol=0)
+    other = run(files[half], photos(n, seed=1))  # the twin that must fail
+    assert np.abs(other - expected).max() > bound
+
+
+def test_half_the_file(files):
+    sizes = {half: path.stat().st_size for half, path in files.items()}
+    assert sizes[True] < 0.55 * sizes[False]
+    assert sizes[True] < 15e6
+
+
+def test_the_contract_is_inside(files):
+    for path in files.values():
+        stored = {entry.key: entry.value for entry in onnx.load(path).metadata_props}
+        assert ModelContract.from_json(stored[CONTRACT_KEY]) == CONTRACT
+
+
+def test_a_weight_beyond_half_precision_is_refused(model):
+    broken = copy.deepcopy(model)
+    name = next(t for t in broken.graph.initializer if len(t.dims) == 4)
+    values = onnx.numpy_helper.to_array(name).copy()
+    values[0, 0, 0, 0] = 1e6
+    name.CopyFrom(onnx.numpy_helper.from_array(values, name.name))
+    with pytest.raises(ModelError, match="65504"):
+        store_as_float16(broken)

@@ -1,0 +1,52 @@
+"""Laws of the order of examples: a pure function of seed and position."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from deeplight.training.batches import Batch, Order, StepIndices, take  # noqa: E402
+
+
+@pytest.mark.parametrize("count", [7, 32, 100])
+def test_every_epoch_shows_every_example_once(count):
+    order = Order(count, seed=3)
+    stream = np.concatenate([order.batch(step, 8) for step in range(3 * count)])
+    for epoch in range(8 * 3 * count // count):
+        shown = stream[epoch * count : (epoch + 1) * count]
+        assert sorted(shown) == list(range(count))
+
+
+def test_a_step_does_not_depend_on_the_steps_before_it():
+    from_start = [Order(50, seed=1).batch(step, 8).tolist() for step in range(40)]
+    resumed = list(StepIndices(Order(50, seed=1), 8, 13, 40))
+    assert resumed == from_start[13:]
+    assert list(StepIndices(Order(50, seed=2), 8, 13, 40)) != resumed
+
+
+def test_epochs_differ():
+    order = Order(50, seed=1)
+    assert order.epoch(0).tolist() != order.epoch(1).tolist()
+
+
+def test_places_are_drawn_equally_often():
+    places = np.array(["a"] * 80 + ["b"] * 15 + ["c"] * 5)
+    order = Order(100, seed=0, places=places)
+    for epoch in range(3):
+        drawn = order.epoch(epoch)
+        counts = [np.sum(places[drawn] == place) for place in "abc"]
+        assert len(drawn) == 100
+        assert max(counts) - min(counts) <= 1
+        # Within a place all examples come before one comes again.
+        of_c = np.bincount(drawn[drawn >= 95] - 95, minlength=5)
+        assert of_c.max() - of_c.min() <= 1
+
+
+def test_one_example_is_enough_for_a_batch():
+    assert Order(1, seed=0).batch(5, 4).tolist() == [0, 0, 0, 0]
+
+
+def test_take_gives_the_rows_asked_for():
+    table = Batch(torch.arange(4), torch.arange(4) * 10, torch.arange(4) * 100)
+    photo, spheres, rig = take(table, np.array([2, 0]))
+    assert (photo.tolist(), spheres.tolist(), rig.tolist()) == ([2, 0], [20, 0], [200, 0])
