@@ -140,7 +140,8 @@ class ModelContract:
         try:
             return cls(**entries)
         except TypeError as error:
-            raise ModelError("numbers in the model contract", str(error), _REMEDY) from error
+            got = "a value of another type"
+            raise ModelError("numbers in the model contract", got, _REMEDY) from error
 
 
 def _unknown_version(version: object) -> ModelError:

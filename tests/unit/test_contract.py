@@ -1,0 +1,51 @@
+"""The contract inside a model file: round trip, and clear refusal of what is not ours."""
+
+import json
+import math
+
+import pytest
+
+from deeplight.contract import ModelContract
+from deeplight.errors import ModelError
+
+
+def test_it_comes_back_from_json_as_it_was() -> None:
+    contract = ModelContract(trained_on="3 places, 10 steps")
+    assert ModelContract.from_json(contract.to_json()) == contract
+
+
+def test_the_defaults_are_the_papers_camera() -> None:
+    contract = ModelContract()
+    tangent = math.tan(math.radians(33))
+    assert (contract.width, contract.height, contract.output_size) == (135, 192, 32)
+    assert contract.top == pytest.approx(tangent)
+    assert contract.bottom == pytest.approx(-0.6 * tangent)
+    assert contract.right == pytest.approx(tangent * 9 / 16)
+    cells_across = contract.width / (2 * contract.right)
+    assert cells_across == pytest.approx(contract.height / (contract.top - contract.bottom))
+
+
+def entries(**changed: object) -> str:
+    return json.dumps(json.loads(ModelContract().to_json()) | changed)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "JSON"),
+        ("[1]", "object"),
+        ("{}", "version None"),
+        (entries(version=99), "version 99"),
+        (entries(added_later=1), "added_later"),
+        ('{"version": 1}', "missing"),
+        (entries(width="wide"), "numbers"),
+        (entries(width=0), "width"),
+        (entries(background_fraction=1.5), "background_fraction"),
+        (entries(output_mapping="angular map"), "output_mapping"),
+        (entries(output_quantity="radiance"), "ln radiance"),
+    ],
+)
+def test_what_is_not_ours_is_refused_in_one_line(text: str, told: str) -> None:
+    with pytest.raises(ModelError, match=told) as caught:
+        ModelContract.from_json(text)
+    assert "\n" not in str(caught.value)
