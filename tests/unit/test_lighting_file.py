@@ -91,7 +91,9 @@ def test_webxr_splits_the_light_without_losing_any() -> None:
     sign = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])
     toward = np.array([estimate["primaryLightDirection"][axis] for axis in "xyz"])
     intensity = np.array([estimate["primaryLightIntensity"][axis] for axis in "xyz"])
-    split = irradiance((interleaved * sign[:, None]).astype(np.float32), toward[None])[0] + intensity
+    split = (
+        irradiance((interleaved * sign[:, None]).astype(np.float32), toward[None])[0] + intensity
+    )
     directions = pixel_directions(32).reshape(-1, 3)
     cosine = np.maximum(directions @ toward, 0)
     whole = (cosine[:, None] * lighting.radiance.reshape(-1, 3)).sum(0) * 16 / 32**2

@@ -128,7 +128,7 @@ def _mark_dominant(draw: ImageDraw.ImageDraw, estimate: Estimate, at: tuple[int,
     """Ring the dominant light and name it."""
     light = dominant_light(estimate.lighting)
     width, height = LIGHT_SIZE
-    row, column = position(light.direction, height, width)
+    (row,), (column,) = position(light.direction[None], height, width)
     x, y = at[0] + float(column), at[1] + float(row)
     draw.ellipse((x - 11, y - 11, x + 11, y + 11), outline=PAPER, width=4)
     draw.ellipse((x - 10, y - 10, x + 10, y + 10), outline=ACCENT, width=2)

@@ -1,0 +1,51 @@
+"""A model small enough to make in a test: the photo's mean colour as light from everywhere."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeplight.contract import CONTRACT_KEY, ModelContract
+
+onnx = pytest.importorskip("onnx")
+
+
+def write_tiny_model(path: Path, contract_json: str | None, light_size: int = 32) -> Path:
+    """Write a network whose ln radiance is 2.2 ln(mean pixel) plus a fixed lamp up on the right."""
+    lamp = np.zeros((1, 3, light_size, light_size), np.float32)
+    lamp[:, :, light_size // 4, 3 * light_size // 4] = 5
+    constants = {
+        "axes": np.array([2, 3], np.int64),
+        "half": np.float32(0.5),
+        "black": np.float32(1e-3),
+        "gamma": np.float32(2.2),
+        "lamp": lamp,
+    }
+    node = onnx.helper.make_node
+    graph = onnx.helper.make_graph(
+        [
+            node("ReduceMean", ["photo", "axes"], ["mean"], keepdims=1),
+            node("Add", ["mean", "half"], ["pixel"]),
+            node("Max", ["pixel", "black"], ["lit"]),
+            node("Log", ["lit"], ["logarithm"]),
+            node("Mul", ["logarithm", "gamma"], ["colour"]),
+            node("Add", ["colour", "lamp"], ["log_radiance"]),
+        ],
+        "tiny",
+        [onnx.helper.make_tensor_value_info("photo", 1, ["N", 3, 192, 135])],
+        [onnx.helper.make_tensor_value_info("log_radiance", 1, ["N", 3, light_size, light_size])],
+        [onnx.numpy_helper.from_array(np.asarray(v), k) for k, v in constants.items()],
+    )
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 18)])
+    model.ir_version = 9
+    if contract_json is not None:
+        onnx.helper.set_model_props(model, {CONTRACT_KEY: contract_json})
+    onnx.save(model, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model file that keeps the contract and takes no time."""
+    path = tmp_path_factory.mktemp("model") / "tiny.onnx"
+    return write_tiny_model(path, ModelContract(trained_on="nothing").to_json())
