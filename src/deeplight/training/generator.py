@@ -94,7 +94,7 @@ class Generator(nn.Module):
         """He's initialisation for ReLU; the output starts near ln 0.3 with little spread."""
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
-                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+                nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
                 if module.bias is not None:
                     nn.init.zeros_(module.bias)
         last = self.decoder.up3
