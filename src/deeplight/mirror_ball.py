@@ -115,12 +115,14 @@ def _by_pixel(values: np.ndarray, size: int, supersample: int) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def nearest_lit(size: int) -> Int[np.ndarray, "pixels"]:
-    """For each pixel the index of itself, or of the nearest pixel that holds light."""
-    lit = coverage(size).ravel() > 0
-    index = np.arange(size * size)
-    rows, columns = np.divmod(index, size)
-    for dark in np.flatnonzero(~lit):
-        distance = (rows - rows[dark]) ** 2 + (columns - columns[dark]) ** 2
-        index[dark] = np.where(lit, distance, distance.max() + 1).argmin()
+    """For each pixel the index of itself, or of the pixel at the rim towards the centre."""
+    u, v = grid(size)
+    inward = np.minimum(1, (1 - 1 / size) / np.maximum(np.hypot(u, v), 1e-9))
+    column, row = (
+        ((u * inward + 1) * (size / 2)).astype(int),
+        ((1 - v * inward) * (size / 2)).astype(int),
+    )
+    lit = coverage(size) > 0
+    index = np.where(lit, np.arange(size * size).reshape(size, size), row * size + column).ravel()
     index.setflags(write=False)
     return index

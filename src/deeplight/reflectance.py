@@ -46,35 +46,32 @@ class ReflectanceBasis:
 def analytic_basis(
     material: str, view: SphereView, light_size: int = LIGHTING_SIZE
 ) -> ReflectanceBasis:
-    """The basis of one of `brdf.REFLECTIVITY`'s materials as seen in `view`.
+    """The basis of one of `brdf.REFLECTIVITY`'s materials as seen in `view`, kept in memory.
 
     The mirror is one-hot where the paper's is (a distant sphere on the view axis): each
     pixel shows the one pixel of light it reflects. Turned into a sphere's own frame it
     becomes the area average over the pixels of light that a crop pixel covers.
     """
-    builders = {"mirror": _mirror, "matte_silver": _matte_silver, "diffuse": _diffuse}
-    if material not in builders:
-        raise ShapeError(f"one of {tuple(builders)}", material, "name a reference sphere")
-    weights = builders[material](view, light_size)
-    weights[~(view.alpha().ravel() > 0)] = 0
-    return ReflectanceBasis(weights.astype(np.float32), view, light_size)
+    turn = view.ball_from_camera.astype(np.float64).tobytes()
+    return _basis(material, turn, view.angular_radius_rad, view.size, light_size)
 
 
 def rig_bases(rig: Rig, light_size: int = LIGHTING_SIZE) -> dict[str, ReflectanceBasis]:
-    """The analytic basis of each of a rig's spheres (kept in memory; values are read-only)."""
-    key = tuple(
-        (name, view.ball_from_camera.tobytes(), view.angular_radius_rad, view.size)
-        for name, view in rig.views.items()
-    )
-    return dict(_rig_bases(key, light_size))
+    """The analytic basis of each of a rig's spheres, in its own frame."""
+    return {name: analytic_basis(name, view, light_size) for name, view in rig.views.items()}
 
 
-@lru_cache(maxsize=8)
-def _rig_bases(
-    key: tuple[tuple[str, bytes, float, int], ...], light_size: int
-) -> dict[str, ReflectanceBasis]:
-    views = {n: SphereView(np.frombuffer(b).reshape(3, 3), a, s) for n, b, a, s in key}
-    return {name: analytic_basis(name, view, light_size) for name, view in views.items()}
+@lru_cache(maxsize=24)
+def _basis(
+    material: str, turn: bytes, angular_radius: float, size: int, light_size: int
+) -> ReflectanceBasis:
+    builders = {"mirror": _mirror, "matte_silver": _matte_silver, "diffuse": _diffuse}
+    if material not in builders:
+        raise ShapeError(f"one of {tuple(builders)}", material, "name a reference sphere")
+    view = SphereView(np.frombuffer(turn).reshape(3, 3).copy(), angular_radius, size)
+    weights = builders[material](view, light_size)
+    weights[~(view.alpha().ravel() > 0)] = 0
+    return ReflectanceBasis(weights.astype(np.float32), view, light_size)
 
 
 def _mirror(view: SphereView, light_size: int) -> np.ndarray:
@@ -93,7 +90,7 @@ def _mirror(view: SphereView, light_size: int) -> np.ndarray:
 
 def _diffuse(view: SphereView, light_size: int) -> np.ndarray:
     directions, solid_angle = _light_samples(light_size)
-    normals = _by_sample(view, view.normals(2), 2)
+    normals = _by_sample(view.normals(2), 2)
     weights = sum(np.maximum(n @ directions.T, 0) for n in normals) * (solid_angle / 4 / np.pi)
     return _by_light(weights, light_size) * brdf.REFLECTIVITY["diffuse"]
 
@@ -129,7 +126,9 @@ def _by_light(weights: np.ndarray, light_size: int) -> np.ndarray:
     return weights.reshape(len(weights), light_size**2, -1).sum(axis=2)
 
 
-def _by_sample(view: SphereView, values: np.ndarray, supersample: int) -> list[np.ndarray]:
+def _by_sample(values: np.ndarray, supersample: int) -> list[np.ndarray]:
     """Values at each of the supersample^2 places in every pixel, as (pixels, 3) arrays."""
     s = supersample
-    return [values[i::s, j::s].reshape(-1, 3).astype(np.float32) for i in range(s) for j in range(s)]
+    return [
+        values[i::s, j::s].reshape(-1, 3).astype(np.float32) for i in range(s) for j in range(s)
+    ]

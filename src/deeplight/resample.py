@@ -19,9 +19,9 @@ _IDENTITY = np.eye(3)
 _TEXELS_PER_PIXEL = 24  # below this, panorama texels are split before they are binned
 
 
-def shrink(values: Shaped[np.ndarray, "height width channels"], height: int, width: int) -> (
-    Float[np.ndarray, "new_height new_width channels"]
-):
+def shrink(
+    values: Shaped[np.ndarray, "height width channels"], height: int, width: int
+) -> Float[np.ndarray, "new_height new_width channels"]:
     """Mean over exact, also fractional, areas: an image at `height` x `width`.
 
     Also enlarges, as a piecewise-constant image would. float32 result.
@@ -137,7 +137,9 @@ def _area_mean(values: np.ndarray, size: int, axis: int) -> np.ndarray:
     return (np.diff(at_edge, axis=axis) * (size / length)).astype(np.float32)
 
 
-def _split_texels(radiance: Radiance, size: int) -> Radiance:
+def _split_texels(
+    radiance: Radiance, size: int
+) -> Float[np.ndarray, "fine_height fine_width channels"]:
     if radiance.ndim != 3 or radiance.shape[1] != 2 * radiance.shape[0]:
         raise ShapeError(
             "an equirectangular panorama twice as wide as high",

@@ -61,7 +61,9 @@ def places_in(folder: Path) -> list[Place]:
         DataSetError: no such folder, no panorama in it, or a manifest without its columns.
     """
     if not folder.is_dir():
-        raise DataSetError("a folder of HDR panoramas", f"{folder}", "give a folder of .hdr or .exr")
+        raise DataSetError(
+            "a folder of HDR panoramas", f"{folder}", "give a folder of .hdr or .exr"
+        )
     manifest = folder / MANIFEST
     places = list(_listed(manifest) if manifest.is_file() else _found(folder))
     if not places:
@@ -90,7 +92,9 @@ def load(place: Place) -> Float[np.ndarray, "height width 3"]:
         radiance = resample.shrink_latlong(radiance, WORKING_HEIGHT)
     radiance = np.maximum(radiance, 0).astype(np.float32)
     if not radiance.max() > 0:
-        raise ImageFileError("a panorama with light in it", f"all black in {place.path}", "replace it")
+        raise ImageFileError(
+            "a panorama with light in it", f"all black in {place.path}", "replace it"
+        )
     return radiance
 
 

@@ -107,9 +107,7 @@ class Setting:
         return np.exp(np.array(self.log_gain, np.float32))
 
 
-def metered(
-    pixels: Float[np.ndarray, "n 3"], illuminant: Colour, habits: Habits
-) -> Setting:
+def metered(pixels: Float[np.ndarray, "n 3"], illuminant: Colour, habits: Habits) -> Setting:
     """The setting the automatics would choose for this picture alone.
 
     Args:
@@ -158,7 +156,7 @@ def develop(
 
 
 def vignetting(
-    row: Float[np.ndarray, "*n"], column: Float[np.ndarray, "*n"], habits: Habits
+    row: Float[np.ndarray, "*#n"], column: Float[np.ndarray, "*#n"], habits: Habits
 ) -> Float[np.ndarray, "*n"]:
     """Share of light the lens passes at places (-1 to 1) of the full frame."""
     return 1 - habits.vignette * (row * row + column * column) / 2

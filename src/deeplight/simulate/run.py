@@ -91,9 +91,7 @@ class Simulation:
         places = self.places[split]
         return places[take // _TAKES_PER_VISIT % len(places)]
 
-    def _take(
-        self, split: str, place: Place, radiance: np.ndarray, take: int
-    ) -> Iterator[Example]:
+    def _take(self, split: str, place: Place, radiance: np.ndarray, take: int) -> Iterator[Example]:
         recipe = self.recipe
         name = f"{place.path.stem}-{take:05d}"
         rng = np.random.default_rng([recipe.seed, *split.encode(), *place.path.stem.encode(), take])
@@ -191,9 +189,7 @@ def _film_shard(shards: ShardPlan, simulation: Simulation, job: ShardJob) -> int
     return shards.write(job, simulation.examples(job)).examples
 
 
-def _example(
-    frame: Frame, number: int, split: str, place: Place, take: str, phone: str
-) -> Example:
+def _example(frame: Frame, number: int, split: str, place: Place, take: str, phone: str) -> Example:
     meta = ExampleMeta(
         place=place.name,
         take=take,

@@ -17,7 +17,7 @@ from deeplight.camera import (
 from deeplight.frames import Rotation, turned, world_from_camera
 from deeplight.io.image import decode_rgb, encode_jpeg
 from deeplight.lighting import LIGHTING_SIZE, Lighting
-from deeplight.reflectance import rig_bases
+from deeplight.reflectance import analytic_basis
 from deeplight.relight import relight
 from deeplight.simulate.phone import (
     Habits,
@@ -99,9 +99,7 @@ def film(
         yield Frame(decode_rgb(jpeg), jpeg, crops, lighting, pose, setting)
 
 
-def hand_held(
-    frames: int, rng: np.random.Generator, looks_up: bool = False
-) -> Iterator[Rotation]:
+def hand_held(frames: int, rng: np.random.Generator, looks_up: bool = False) -> Iterator[Rotation]:
     """Poses of a hand-held phone that pans slowly: world_from_camera of each frame.
 
     Pitch is biased downward, "towards imagery of surfaces or ground planes" (Datasets).
@@ -138,7 +136,7 @@ def _sphere_radiance(
     crops = {}
     for name, view in rig.views.items():
         size = _FINE if name == "mirror" else _COARSE
-        sphere = relight(rig_bases(rig, size)[name], light[size])
+        sphere = relight(analytic_basis(name, view, size), light[size])
         behind = resample.sample_latlong(panorama, turned(_rays(view), pose))
         alpha = view.alpha()[..., None]
         crops[name] = (sphere * alpha + behind * (1 - alpha)).astype(np.float32)
@@ -179,9 +177,13 @@ def _crop(
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "size size 3"]:
     """The 8-bit crop, with the lens's loss of light at the sphere's place in the frame."""
-    row, column = camera.pixel_of_directions(view.ball_from_camera.T @ [0.0, 0.0, -1.0])
-    place = (2 * row / camera.height - 1, 2 * column / camera.width - 1)
-    lens = np.float32(vignetting(*(np.clip(p, -1, 1) for p in place), habits))
+    centre = -view.ball_from_camera[2:]  # the sphere's direction: -Z of its own frame
+    row, column = camera.pixel_of_directions(centre)
+    lens = vignetting(
+        (2 * row / camera.height - 1).clip(-1, 1),
+        (2 * column / camera.width - 1).clip(-1, 1),
+        habits,
+    ).astype(np.float32)
     across = 2 * np.tan(view.angular_radius_rad) / (2 * camera.tangents[1]) * FRAME_HEIGHT
     averaged = max(1, int(across / view.size) ** 2)
     return develop(radiance, gain * lens, habits, averaged, rng)

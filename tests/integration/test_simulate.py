@@ -1,0 +1,118 @@
+"""From a folder of panoramas to a data set: whole, resumed, in parallel, with broken files."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeplight import latlong
+from deeplight.cli.main import main
+from deeplight.dataset import open_dataset
+from deeplight.errors import ConfigError, DataSetError
+from deeplight.io.hdr import write_exr
+from deeplight.simulate.run import Recipe, plan, simulate
+
+RECIPE = Recipe(train_takes=2, eval_takes=1, seen_takes=1, frames=2, shard_takes=2)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Three training places (one broken), a validation and a test place."""
+    hdri = tmp_path / "hdri"
+    hdri.mkdir()
+    rows = ["file,split,place,scene,licence"]
+    directions = latlong.directions(64, 128)
+    for number, split in enumerate(("train", "train", "train", "val", "test")):
+        sun = np.exp(40 * (directions @ np.roll([0.6, 0.64, -0.48], number) - 1))[..., None]
+        ground = 0.2 + (directions[..., 1:2] > 0) * np.array([0.3, 0.4, 0.6])
+        write_exr(hdri / f"p{number}.exr", (ground + 30 * sun).astype(np.float32))
+        rows.append(f"p{number}.exr,{split},venue{number},outdoor,CC0")
+    (hdri / "p1.exr").write_bytes((hdri / "p1.exr").read_bytes()[:400])
+    (hdri / "manifest.csv").write_text("\n".join(rows))
+    return hdri
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.glob("*.*"))}
+
+
+def test_a_run_makes_every_split_and_tells_what_it_skipped(folder: Path, tmp_path: Path) -> None:
+    shards, simulation = plan(folder, tmp_path / "data", RECIPE)
+    manifest = simulate(shards, simulation, workers=1)
+    assert manifest.examples("train") == 8  # two takes of two frames in each place that opens
+    assert set(manifest.places("train")) == {"venue0", "venue2"}
+    assert [item.file for item in manifest.skipped] == ["p1.exr"]
+    data = open_dataset(tmp_path / "data")
+    assert all(example.true_lighting is None for example in data.examples("train"))
+    held_out = list(data.examples("unseen_outdoor"))
+    assert {example.meta.place for example in held_out} == {"venue4"}
+    assert all(example.true_lighting is not None for example in held_out)
+
+
+def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    whole, simulation = plan(folder, tmp_path / "whole", RECIPE)
+    simulate(whole, simulation, workers=1)
+    broken, simulation = plan(folder, tmp_path / "broken", RECIPE)
+
+    def kill(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate(broken, simulation, workers=1, progress=kill)
+    assert len(broken.missing()) == len(broken.jobs) - 1
+    again, simulation = plan(folder, tmp_path / "broken", RECIPE)
+    simulate(again, simulation, workers=1)
+    assert digests(tmp_path / "whole") == digests(tmp_path / "broken")
+
+
+def test_processes_change_nothing(folder: Path, tmp_path: Path) -> None:
+    for workers in (1, 2):
+        shards, simulation = plan(folder, tmp_path / str(workers), RECIPE)
+        simulate(shards, simulation, workers)
+    assert digests(tmp_path / "1") == digests(tmp_path / "2")
+
+
+def test_another_seed_films_something_else(folder: Path, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    for seed in (0, 1):
+        shards, simulation = plan(folder, tmp_path / str(seed), replace(RECIPE, seed=seed))
+        simulate(shards, simulation, workers=1)
+    assert (
+        digests(tmp_path / "0")["train-000000.tar"] != digests(tmp_path / "1")["train-000000.tar"]
+    )
+
+
+def test_another_recipe_needs_another_folder(folder: Path, tmp_path: Path) -> None:
+    plan(folder, tmp_path / "data", RECIPE)
+    with pytest.raises(DataSetError, match="recipe"):
+        plan(folder, tmp_path / "data", Recipe(seed=9))
+
+
+def test_impossible_recipes_are_refused() -> None:
+    with pytest.raises(ConfigError):
+        Recipe(phone="brick")
+    with pytest.raises(ConfigError):
+        Recipe(frames=0)
+
+
+def test_the_command_films_and_draws_a_contact_sheet(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "data"
+    words = ["simulate", "--hdri", str(folder), "--out", str(out), "--workers", "1"]
+    words += ["--recipe.train-takes", "1", "--recipe.frames", "1", "--recipe.eval-takes", "1"]
+    assert main(words) == 0
+    assert (out / "contact_sheet.png").stat().st_size > 1000
+    assert "p1.exr" in capsys.readouterr().out
+
+
+def test_a_missing_folder_is_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["simulate", "--hdri", str(tmp_path / "no"), "--out", str(tmp_path / "data")]
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "folder of HDR panoramas" in error
+    assert not (tmp_path / "data").exists()
