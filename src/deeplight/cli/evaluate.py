@@ -1,0 +1,60 @@
+"""Measure an estimator on a data set, beside trivial baselines, in one run.
+
+deeplight evaluate --data data/sim --split val --out results
+
+Prints masked L1 of the three spheres, the colour angle of the diffuse one and its relative
+radiance error, indoor and outdoor apart and together. With --out it also writes results.json,
+results.csv (one row per example), percentiles.png and run.toml.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `deeplight evaluate`."""
+
+    data: Path
+    """Folder of the data set."""
+    split: str = "val"
+    """val, test or seen, or one split of the data set."""
+    model: Path | None = None
+    """An exported model (.onnx); left out, the one that comes with deeplight."""
+    out: Path | None = None
+    """Folder for the results as files."""
+    examples: int | None = None
+    """Measure only so many examples, evenly spread over the split."""
+
+
+def run(args: Args) -> None:
+    """Evaluate with a progress bar, print the tables, write the files."""
+    from deeplight.dataset import open_dataset
+    from deeplight.estimate.onnx_estimator import OnnxEstimator
+    from deeplight.evaluate.baselines.suite import baselines_for
+    from deeplight.evaluate.files import write_files
+    from deeplight.evaluate.run import BatchEstimator, evaluate
+    from deeplight.evaluate.summary import summarise
+    from deeplight.evaluate.tables import ratio_table, terminal_tables
+
+    data = open_dataset(args.data)
+    data.index(args.split)  # a wrong split is told before any work
+    model = OnnxEstimator(args.model)
+    console = Console()
+    with console.status("constant baselines from the training split"):
+        estimators: list[BatchEstimator] = [model, *baselines_for(data, args.split)]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar:
+        task = bar.add_task("measuring", total=args.examples or len(data.index(args.split)))
+        report = evaluate(
+            estimators, data, args.split, args.examples, lambda n: bar.advance(task, n)
+        )
+    summaries = summarise(report)
+    for table in (*terminal_tables(summaries, args.split), ratio_table(summaries, args.split)):
+        console.print(table)
+    if args.out is not None:
+        write_files(args.out, report, summaries, data, estimators, model)
+        console.print(f"written to {args.out}")

@@ -1,0 +1,1 @@
+"""How good an estimator is: metrics, trivial baselines beside it, tables and figures."""

@@ -1,0 +1,42 @@
+"""The files of an evaluation: numbers, figures, and how they came about."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from deeplight.dataset import DataSet
+from deeplight.estimate.onnx_estimator import OnnxEstimator
+from deeplight.evaluate.figures import percentile_figure
+from deeplight.evaluate.record import write_run_toml
+from deeplight.evaluate.run import BatchEstimator, Report
+from deeplight.evaluate.summary import RESAMPLES, SEED, Summary
+from deeplight.evaluate.tables import write_results
+from deeplight.io.image import write_png
+
+
+def write_files(
+    folder: Path,
+    report: Report,
+    summaries: Sequence[Summary],
+    data: DataSet,
+    estimators: Sequence[BatchEstimator],
+    model: OnnxEstimator,
+) -> None:
+    """Write results.json, results.csv, percentiles.png and run.toml to `folder`.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    facts: dict[str, Any] = {
+        "examples": len(report.keys),
+        "data_manifest_sha256": data.manifest_sha256,
+        "model_sha256": model.sha256,
+        "trained_on": model.contract.trained_on,
+        "bootstrap_seed": SEED,
+        "bootstrap_resamples": RESAMPLES,
+    }
+    write_results(folder, report, summaries, facts)
+    figure = percentile_figure(report, data, estimators, ranked_by=model.name)
+    write_png(folder / "percentiles.png", figure)
+    settings = {"data": str(data.folder), "split": report.split, "model": str(model.path)}
+    write_run_toml(folder, settings, facts)
