@@ -2,6 +2,7 @@
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 JOBS ?= 2
+DATA ?= data/sim
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
@@ -18,7 +19,7 @@ help:
 	@echo "make test   run the tests (installs everything, CPU torch too)"
 	@echo "make lint   ruff, mypy, import rules"
 	@echo "make ci     what CI runs: lint and test"
-	@echo "make bench  run every script in benchmarks/"
+	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.installed-base
@@ -39,7 +40,10 @@ lint: $(VENV)/.installed-test
 ci: lint test
 
 bench: $(VENV)/.installed-test
-	set -e; for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+	$(BIN)/python benchmarks/estimate_latency.py
+	@test -d $(DATA) || { echo "the rest needs a data set: make bench DATA=folder"; exit 2; }
+	$(BIN)/python benchmarks/dataset_reading.py $(DATA)
+	$(BIN)/python benchmarks/data_loading.py $(DATA)
 
 clean:
 	rm -rf $(VENV) .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
