@@ -61,9 +61,7 @@ def test_the_mirror_law_holds_at_every_position(name: str) -> None:
     view = VIEWS[name]
     normals, views, reflected = view.normals(), view.views(), view.reflected()
     np.testing.assert_allclose(np.linalg.norm(reflected, axis=-1), 1, atol=1e-6)
-    np.testing.assert_allclose(
-        (reflected * normals).sum(-1), (views * normals).sum(-1), atol=1e-6
-    )
+    np.testing.assert_allclose((reflected * normals).sum(-1), (views * normals).sum(-1), atol=1e-6)
     np.testing.assert_allclose(np.cross(reflected + views, normals), 0, atol=1e-6)
 
 
