@@ -25,10 +25,11 @@ class TrainProgress:
             TimeRemainingColumn(),
             console=self.console,
         )
+        self.start = self.console.status("reading the data, fitting the best constant lighting")
         self.task = self.bar.add_task("training", total=None, loss=float("nan"), speed=0.0)
 
     def __enter__(self) -> Self:
-        self.bar.start()
+        self.start.start()
         return self
 
     def __exit__(
@@ -37,10 +38,15 @@ class TrainProgress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.bar.stop()
+        self.start.stop()
+        if self.bar.live.is_started:
+            self.bar.stop()
 
     def show(self, standing: Standing) -> None:
         """Move the bar; print the validation if there was one."""
+        if not self.bar.live.is_started:
+            self.start.stop()
+            self.bar.start()
         self.bar.update(
             self.task,
             completed=standing.step,

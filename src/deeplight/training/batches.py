@@ -125,7 +125,7 @@ def decoded_gib(examples: ExampleBytes) -> float:
     return len(examples) * (first.photo.nbytes + first.spheres.nbytes) / 2**30
 
 
-def preload(examples: Dataset[Batch], workers: int, batch_size: int = 64) -> Batch:
+def preload(examples: Dataset[Batch], workers: int, batch_size: int = 16) -> Batch:
     """All examples decoded, in order."""
     first = examples[0]
     count = len(examples)  # type: ignore[arg-type]
@@ -175,7 +175,7 @@ class BatchSource:
             self.examples,
             batch_sampler=StepIndices(self.order, batch_size, start, stop),
             num_workers=self.config.workers,
-            prefetch_factor=4 if self.config.workers else None,
+            prefetch_factor=2 if self.config.workers else None,
             pin_memory=self.device.type == "cuda",
         )
         for batch in loader:

@@ -61,7 +61,7 @@ class ConvNorm(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         if self.conv.stride[0] == 2:
             x = functional.pad(x, same_padding(x.shape[-2], x.shape[-1]))
-        return self.activation(self.norm(self.conv(x)))  # type: ignore[no-any-return]
+        return self.activation(self.norm(self.conv(x)))
 
 
 class InvertedResidual(nn.Module):
