@@ -37,12 +37,11 @@ def rough_specular(
     a2 = roughness**2
     density = a2 / (np.pi * (n_h * n_h * (a2 - 1) + 1) ** 2)
     shadowed = _smith(n_l, a2) * _smith(n_v, a2)
-    lit = (n_l > 0) & (n_v > 0)
+    lit = (n_l > 0) & (n_v > -1e-6)  # the rim, seen edge on, reflects too
     return np.where(lit, density * shadowed / (4 * np.maximum(n_v, 1e-4)), 0.0)
 
 
-def _smith(cosine: np.ndarray, a2: float) -> np.ndarray:
+def _smith(cosine: np.ndarray | np.floating, a2: float) -> np.ndarray:
     """Share of microfacets that a direction sees (Smith's G1 for GGX)."""
     cosine = np.clip(cosine, 1e-4, 1.0)
-    result: np.ndarray = 2 / (1 + np.sqrt(1 + a2 * (1 / (cosine * cosine) - 1)))
-    return result
+    return np.asarray(2 / (1 + np.sqrt(1 + a2 * (1 / (cosine * cosine) - 1))))

@@ -63,7 +63,7 @@ def require_rotation(matrix: np.ndarray, name: str) -> None:
     """Raise ShapeError unless `matrix` is a proper 3x3 rotation."""
     proper = matrix.shape == (3, 3) and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-5)
     if not proper or np.linalg.det(matrix) < 0:
-        raise ShapeError(f"{name} as a 3x3 rotation", f"{matrix!r}", "build it with frames")
+        raise ShapeError(f"{name} as a 3x3 rotation", f"{matrix.tolist()}", "build it with frames")
 
 
 def turned(directions: Directions, new_from_old: Rotation) -> Directions:

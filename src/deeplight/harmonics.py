@@ -52,8 +52,9 @@ def irradiance(
 ) -> Float[np.ndarray, "*batch 3"]:
     """Irradiance on surfaces facing `normals`; white light of 1 gives pi.
 
-    Exact to within 1 % of the mean for any lighting (Ramamoorthi and Hanrahan 2001). It can
-    fall below 0 opposite a lone strong light.
+    For any lighting off by at most 3/32 of its power, which a lone strong light reaches where it
+    grazes a surface; by some 1 % where light is spread out (Ramamoorthi and Hanrahan 2001).
+    It can fall below 0 opposite a lone strong light.
     """
     return basis(normals) @ (_LAMBERT[:, None] * coefficients)
 

@@ -43,7 +43,9 @@ class SphereView:
                 f"{np.degrees(self.angular_radius_rad):.1f} degrees",
                 "give asin(radius / distance) in radians",
             )
-        self.ball_from_camera.setflags(write=False)
+        own = self.ball_from_camera.copy()  # the caller's stays writable
+        own.setflags(write=False)
+        object.__setattr__(self, "ball_from_camera", own)
 
     def alpha(self) -> Float[np.ndarray, "size size"]:
         """Share of each pixel that shows the sphere, 0 to 1."""
@@ -98,9 +100,7 @@ class Rig:
 
     def mirrored(self) -> Self:
         """The rig in a horizontally flipped photo: its spheres change sides with their light."""
-        return type(self)(
-            f"{self.name}-mirrored", {n: v.mirrored() for n, v in self.views.items()}
-        )
+        return type(self)(f"{self.name}-mirrored", {n: v.mirrored() for n, v in self.views.items()})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
