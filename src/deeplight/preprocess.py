@@ -183,13 +183,15 @@ def _interval_means(
     Whole pixels are summed in integers, so a box filter by a whole factor is exact.
     """
     whole = np.clip(np.floor(edges), 0, len(pixels) - 1).astype(np.intp)
-    fraction = (edges - whole).astype(np.float32)[:, None, None]
-    partial = pixels[whole].astype(np.float32)
-    partial *= fraction
-    means: np.ndarray = np.diff(partial, axis=0)
+    fraction = (edges - whole).astype(np.float32)
     sum_type = _sum_type(pixels.dtype, int(np.diff(whole).max()))
+    means = np.empty((len(edges) - 1, *pixels.shape[1:]), np.float32)
+    before = fraction[0] * pixels[whole[0]]
     for row, (first, last) in enumerate(pairwise(whole)):
-        means[row] += pixels[first:last].sum(axis=0, dtype=sum_type)
+        up_to = fraction[row + 1] * pixels[last]
+        np.subtract(pixels[first:last].sum(axis=0, dtype=sum_type), before, out=means[row])
+        means[row] += up_to
+        before = up_to
     means /= np.diff(edges).astype(np.float32)[:, None, None]
     return means
 

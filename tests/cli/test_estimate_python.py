@@ -1,11 +1,14 @@
 """Estimating from Python: every kind of photo, wrong model files, the shipped model."""
 
+import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+import deeplight
 from deeplight.contract import ModelContract
 from deeplight.errors import ImageFileError, ModelError, ShapeError
 from deeplight.estimate import estimate
@@ -77,6 +80,16 @@ def test_explain_tells_framing_notes_and_times(estimator: OnnxEstimator):
 def test_pixels_that_are_no_photo_are_refused(estimator: OnnxEstimator, photo: np.ndarray):
     with pytest.raises(ShapeError):
         estimator.estimate(photo)
+
+
+def test_the_public_name_can_be_called_before_and_after_its_folder_is_imported(
+    estimator: OnnxEstimator, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(sys.modules["deeplight.estimate"], "_default", [estimator])
+    wanted = estimator.estimate(smooth_pixels()).radiance
+    import_module("deeplight.estimate.sources")
+    for call in (deeplight.estimate, estimate):
+        np.testing.assert_array_equal(call(smooth_pixels()).radiance, wanted)
 
 
 def test_a_damaged_picture_from_pillow_is_refused(estimator: OnnxEstimator, tmp_path: Path):

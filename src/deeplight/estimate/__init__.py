@@ -1,5 +1,10 @@
-"""A photo in, the light of its scene out."""
+"""A photo in, the light of its scene out: `deeplight.estimate(photo)`.
 
+This folder holds the estimator; its name is also the function that everybody calls.
+"""
+
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from deeplight.lighting import Lighting
@@ -44,3 +49,13 @@ def default_estimator() -> "OnnxEstimator":
 
         _default.append(OnnxEstimator())
     return _default[0]
+
+
+class _CallableModule(ModuleType):
+    def __call__(self, photo: Any, fov_deg: float | None = None) -> Lighting:
+        return estimate(photo, fov_deg)
+
+
+# Importing any module of this folder makes `deeplight.estimate` the folder, not the function. So
+# the folder can be called; both ways to it give the same.
+sys.modules[__name__].__class__ = _CallableModule
