@@ -56,5 +56,5 @@ def run(args: Args) -> None:
     for table in (*terminal_tables(summaries, args.split), ratio_table(summaries, args.split)):
         console.print(table)
     if args.out is not None:
-        write_files(args.out, report, summaries, data, estimators, model)
-        console.print(f"written to {args.out}")
+        told = {"trained_on": model.contract.trained_on, "sha256": model.sha256}
+        write_files(args.out, report, summaries, data, estimators, told)

@@ -1,11 +1,10 @@
 """The files of an evaluation: numbers, figures, and how they came about."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from deeplight.dataset import DataSet
-from deeplight.estimate.onnx_estimator import OnnxEstimator
 from deeplight.evaluate.figures import percentile_figure
 from deeplight.evaluate.record import write_run_toml
 from deeplight.evaluate.run import BatchEstimator, Report
@@ -20,9 +19,13 @@ def write_files(
     summaries: Sequence[Summary],
     data: DataSet,
     estimators: Sequence[BatchEstimator],
-    model: OnnxEstimator,
+    model: Mapping[str, str],
 ) -> None:
     """Write results.json, results.csv, percentiles.png and run.toml to `folder`.
+
+    Args:
+        estimators: those of the report; the first ranks the examples of the figure.
+        model: what to say of the model: its file, hash and training data.
 
     Raises:
         OSError: the folder cannot be written.
@@ -30,13 +33,12 @@ def write_files(
     facts: dict[str, Any] = {
         "examples": len(report.keys),
         "data_manifest_sha256": data.manifest_sha256,
-        "model_sha256": model.sha256,
-        "trained_on": model.contract.trained_on,
+        **{f"model_{name}": value for name, value in model.items()},
         "bootstrap_seed": SEED,
         "bootstrap_resamples": RESAMPLES,
     }
     write_results(folder, report, summaries, facts)
-    figure = percentile_figure(report, data, estimators, ranked_by=model.name)
+    figure = percentile_figure(report, data, estimators, ranked_by=estimators[0].name)
     write_png(folder / "percentiles.png", figure)
-    settings = {"data": str(data.folder), "split": report.split, "model": str(model.path)}
+    settings = {"data": str(data.folder), "split": report.split}
     write_run_toml(folder, settings, facts)

@@ -167,7 +167,8 @@ def score(
     radiance error sees its whole radiance.
     """
     masks = {name: bases[name].view.mask() for name in SPHERES}
-    clipped = {name: soft_clip(radiance[name]) for name in SPHERES}
+    with np.errstate(invalid="ignore"):  # NaN stays NaN, and is counted by who averages
+        clipped = {name: soft_clip(radiance[name]) for name in SPHERES}
     l1 = {name: masked_l1(encode(clipped[name]), filmed[name], masks[name]) for name in SPHERES}
     diffuse, mask = decode(filmed["diffuse"]), masks["diffuse"]
     angle = angular_error_rgb(np.maximum(clipped["diffuse"], 0), diffuse, mask)

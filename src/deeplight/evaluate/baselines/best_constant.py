@@ -87,7 +87,8 @@ def _loss_and_gradient(
         distance, slope = _mean_distance(encode(clipped), sphere)
         loss += sphere.loss_weight * float(distance.mean())
         slope *= np.maximum(clipped, _DARKEST) ** (1 / GAMMA - 1) / GAMMA
-        slope /= 1 + np.exp(np.minimum(SOFT_CLIP_N * (linear - 1), 500.0))
+        # Far above the clip the slope is as good as 0; 1e-26 keeps float32 from slow denormals.
+        slope /= 1 + np.exp(np.minimum(SOFT_CLIP_N * (linear - 1), 60.0))
         share = sphere.loss_weight / slope.size
         gradient += share * (sphere.weights.T @ slope.astype(np.float32)) * radiance
     whole = sum(sphere.loss_weight for sphere in spheres)

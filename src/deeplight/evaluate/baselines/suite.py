@@ -1,6 +1,7 @@
 """All baselines of a data set; the constant ones are made once and kept beside it."""
 
 import contextlib
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def _load(path: Path, made_of: str) -> dict[str, Float32[np.ndarray, "size size 
             if str(stored["made_of"]) != made_of:
                 return None
             return {name: stored[name] for name in stored.files if name != "made_of"}
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None  # none yet, or damaged: made again
 
 

@@ -1,0 +1,179 @@
+"""`deeplight evaluate` from a data set to tables and files."""
+
+import csv
+import json
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeplight.camera_response import encode, soft_clip
+from deeplight.cli import evaluate as command
+from deeplight.dataset import (
+    DataSet,
+    Example,
+    ExampleMeta,
+    ShardJob,
+    ShardPlan,
+    open_dataset,
+    plan_split,
+)
+from deeplight.errors import DataSetError
+from deeplight.evaluate import run as measuring
+from deeplight.evaluate.baselines.baseline import Baseline, ConstantLighting
+from deeplight.evaluate.baselines.best_constant import best_constant
+from deeplight.evaluate.baselines.suite import CACHE, baselines_for
+from deeplight.evaluate.baselines.training_pixels import RigPixels
+from deeplight.io.image import decode_rgb, encode_jpeg
+from deeplight.reflectance import rig_bases
+from deeplight.sphere import PAPER_RIG
+
+SPLITS = {"train": 20, "seen_indoor": 4, "val_indoor": 70, "val_outdoor": 9}
+
+
+def log_light(brightness: int) -> np.ndarray:
+    """The only light of an example: uniform grey, told by the photo's pixel value."""
+    return np.full((32, 32, 3), np.log(brightness / 100), np.float32)
+
+
+def examples_of(job: ShardJob) -> Iterator[Example]:
+    kind = "home" if job.split in ("train", "seen_indoor") else job.split
+    scene = "outdoor" if job.split.endswith("outdoor") else "indoor"
+    for number in range(job.first, job.first + job.count):
+        brightness = 20 + number % 50
+        rendered = measuring.rendered_radiance(rig_bases(PAPER_RIG), log_light(brightness)[None])
+        spheres = {
+            name: np.floor(encode(soft_clip(r[0])) * 255 + 0.5).astype(np.uint8)
+            for name, r in rendered.items()
+        }
+        jpeg = encode_jpeg(np.full((192, 135, 3), brightness, np.uint8))
+        meta = ExampleMeta(
+            f"{kind}-{number % 3}", "t", number, scene, job.split, "paper", "phone", "CC0", "test"
+        )
+        truth = None if job.split == "train" else np.exp(log_light(brightness))
+        yield Example(f"{job.split}-{number}", decode_rgb(jpeg), spheres, meta, truth, jpeg)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
+    folder = tmp_path_factory.mktemp("data")
+    jobs = [job for split, count in SPLITS.items() for job in plan_split(split, count, 40)]
+    plan = ShardPlan.begin(folder, jobs, {"paper": PAPER_RIG.to_dict()}, {})
+    for job in plan.missing():
+        plan.write(job, examples_of(job))
+    plan.finish()
+    return open_dataset(folder)
+
+
+@pytest.fixture(autouse=True)
+def short_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fit(pixels: list[RigPixels], start: np.ndarray) -> ConstantLighting:
+        return best_constant(pixels, start, steps=20)
+
+    monkeypatch.setattr("deeplight.evaluate.baselines.suite.best_constant", fit)
+
+
+class Knowing(Baseline):
+    """Stands in for the network: reads the light off the photo."""
+
+    sha256 = "0" * 64
+    path = Path("model.onnx")
+
+    class contract:  # noqa: N801
+        trained_on = "nothing"
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.batches: list[int] = []
+
+    @property
+    def name(self) -> str:
+        return "deeplight"
+
+    def estimate_inputs(self, inputs: np.ndarray) -> np.ndarray:
+        self.batches.append(len(inputs))
+        values = np.round((inputs.mean((1, 2, 3)) + 0.5) * 255).astype(int)
+        return np.stack([log_light(value) for value in values])
+
+
+def mean_l1(report: measuring.Report, name: str) -> float:
+    l1 = report.scores[name].l1
+    return float(np.mean([l1[sphere].mean() for sphere in ("mirror", "diffuse")]))
+
+
+def test_who_knows_the_light_beats_who_does_not(data: DataSet) -> None:
+    knowing = Knowing()
+    estimators: Sequence[measuring.BatchEstimator] = [knowing, *baselines_for(data, "val")]
+    seen: list[int] = []
+    report = measuring.evaluate(estimators, data, "val", progress=seen.append)
+    names = ["deeplight", "training_mean", "best_constant", "training_mean_hdr", "photo_mean"]
+    assert list(report.scores) == [*names, "true_lighting"]
+    assert sum(seen) == len(report.keys) == 79
+    assert max(knowing.batches) > 1  # the network is run on batches
+    assert mean_l1(report, "true_lighting") < 0.003  # 8-bit rounding
+    assert mean_l1(report, "deeplight") < 0.003
+    assert mean_l1(report, "best_constant") > 0.03
+    assert report.scores["deeplight"].relative_radiance == pytest.approx(0, abs=0.02)
+    assert report.keys == data.index("val").keys
+
+
+def test_a_sample_is_spread_over_the_split(data: DataSet) -> None:
+    report = measuring.evaluate([Knowing()], data, "val", at_most=10)
+    assert len(report.keys) == 10
+    assert set(report.scenes) == {"indoor", "outdoor"}
+
+
+def test_broken_light_is_counted_and_not_averaged(data: DataSet) -> None:
+    broken = ConstantLighting("broken", np.full((32, 32, 3), np.nan, np.float32))
+    report = measuring.evaluate([broken], data, "val_outdoor")
+    assert np.isnan(report.scores["broken"].l1["diffuse"]).all()
+
+
+@pytest.fixture
+def knowing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deeplight.estimate.onnx_estimator.OnnxEstimator", Knowing)
+
+
+@pytest.mark.usefixtures("knowing")
+def test_the_command_writes_tables_and_files(
+    data: DataSet,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("COLUMNS", "140")
+    before = {path: path.read_bytes() for path in data.folder.glob("*.tar")}
+    command.run(command.Args(data.folder, "val", None, tmp_path / "out"))
+    shown = capsys.readouterr().out
+    names = ("deeplight", "training_mean", "best_constant", "photo_mean", "true_lighting")
+    for text in ("val, indoor", "val, outdoor", "θ rgb", *names):
+        assert text in shown
+    files = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert files == ["percentiles.png", "results.csv", "results.json", "run.toml"]
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert results["data_manifest_sha256"] == data.manifest_sha256
+    assert {s["scene"] for s in results["summary"]} == {"indoor", "outdoor", "both"}
+    with (tmp_path / "out" / "results.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 79 * 6
+    own = [float(r["l1_diffuse"]) for r in rows if r["estimator"] == "deeplight"]
+    both = next(
+        s
+        for s in results["summary"]
+        if (s["estimator"], s["scene"], s["metric"]) == ("deeplight", "both", "l1_diffuse")
+    )
+    assert both["mean"]["value"] == pytest.approx(np.mean(own), rel=1e-4)
+    assert both["ratio"]["training_mean"]["value"] < 0.1
+    run_toml = tomllib.loads((tmp_path / "out" / "run.toml").read_text())
+    assert run_toml["settings"]["split"] == "val"
+    assert {path: path.read_bytes() for path in data.folder.glob("*.tar")} == before
+    assert (data.folder / CACHE).exists()
+
+
+@pytest.mark.usefixtures("knowing")
+def test_a_split_the_data_set_lacks_is_told(data: DataSet) -> None:
+    with pytest.raises(DataSetError, match="test"):
+        command.run(command.Args(data.folder, "test"))
+    with pytest.raises(DataSetError, match="choose one of"):
+        command.run(command.Args(data.folder, "holdout"))
