@@ -101,3 +101,26 @@ def test_turning_resamples_nothing() -> None:
 def test_an_unknown_tool_is_refused_with_the_known_ones() -> None:
     with pytest.raises(InputError, match=r"blender.*unreal"):
         turned_for(labelled(), "maya")
+
+
+def test_mitsubas_own_camera_sees_the_photos_view() -> None:
+    """Not the formula but the renderer: identity camera and environment, colour = direction."""
+    mitsuba = pytest.importorskip("mitsuba")
+    mitsuba.set_variant("scalar_rgb")
+    film = {"type": "hdrfilm", "width": 9, "height": 9, "rfilter": {"type": "box"}}
+    scene = mitsuba.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path"},
+            "sensor": {"type": "perspective", "fov": 60, "film": film},
+            "light": {
+                "type": "envmap",
+                "bitmap": mitsuba.Bitmap(turned_for(labelled(256) + 2, "mitsuba")),
+            },
+        }
+    )
+    seen = np.array(mitsuba.render(scene, spp=16)) - 2
+    half = math.tan(math.radians(30)) * 8 / 9
+    for (row, column), (x, y) in {(4, 4): (0, 0), (4, 8): (half, 0), (0, 4): (0, half)}.items():
+        ray = np.array([x, y, -1.0]) / math.hypot(x, y, 1)
+        np.testing.assert_allclose(seen[row, column], ray, atol=0.03)

@@ -1,6 +1,7 @@
 """Estimate the light of photos: an EXR environment, a JSON description and a preview for each.
 
 deeplight estimate photo.jpg --out out
+
 deeplight estimate photos/ clip.mp4 --out out --for blender
 """
 

@@ -1,5 +1,6 @@
 """Many photos in one go: progress, a line for each result, a line for each failure."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -117,6 +118,7 @@ class _Talk:
         )
         self._task = self._progress.add_task("estimating", total=None)
         self._lines: list[str] = []
+        self._notes: Counter[str] = Counter()
 
     def __enter__(self) -> "_Talk":
         self._progress.start()
@@ -127,6 +129,9 @@ class _Talk:
         results = Console(highlight=False, soft_wrap=True)
         for line in self._lines:  # after the bar, so that neither is drawn over the other
             results.print(line)
+        for note, count in self._notes.items():
+            of_how_many = f"{count} of {len(self._lines)}: " if len(self._lines) > 1 else ""
+            results.print(f"  [dim]{of_how_many}{escape(note)}[/dim]")
 
     def track(self, sources: Sequence[Source]) -> Iterator[Source]:
         """Give the sources one by one and move the bar."""
@@ -140,13 +145,13 @@ class _Talk:
         self._progress.update(self._task, description=escape(what))
 
     def report(self, source: Source, done: _Done) -> None:
-        """Note one line on the results, and what the user should know about them."""
+        """Note one line on the results; what the user should know is told once for all of them."""
         if done.count > 1:
             made = f"{done.count} frames: {done.first[0]} to {done.last[0].name}"
         else:
             made = ", ".join([str(done.first[0]), *(file.name for file in done.first[1:])])
         self._lines.append(f"{escape(str(source.path))} -> {escape(made)}")
-        self._lines += [f"  [dim]{escape(note)}[/dim]" for note in done.notes]
+        self._notes.update(done.notes)
 
     def complain(self, error: InputError | OSError, silent: bool) -> None:
         """Tell of a failure in one line, unless it is about to be raised anyway."""

@@ -183,6 +183,6 @@ def _notes(framing: Framing) -> tuple[str, ...]:
         fov = degrees(framing.vertical_fov_rad)
         notes.append(f"field of view unknown, assumed {fov:.0f} degrees vertically: give --fov")
     if framing.visible_fraction < WHOLE_VIEW:
-        seen = f"shows {framing.visible_fraction:.0%} of the view the network was trained on"
-        notes.append(f"{seen}; its edges are continued over the rest, which costs accuracy")
+        seen = f"{framing.visible_fraction:.0%} of the view the network was trained on"
+        notes.append(f"the photo shows {seen}; its edges fill the rest, which costs accuracy")
     return tuple(notes)

@@ -1,6 +1,9 @@
 """The files of one estimate: all of them or none."""
 
+import errno
 import json
+import os
+import shutil
 from collections.abc import Mapping
 from math import degrees
 from pathlib import Path
@@ -11,6 +14,9 @@ from deeplight.estimate.onnx_estimator import Estimate, OnnxEstimator
 from deeplight.estimate.preview import preview
 from deeplight.io.image import write_png
 from deeplight.io.lighting_file import LATLONG_HEIGHT, Turn, save_lighting
+
+FULL_DISK_BYTES = 2**22
+"""With less room than this left, a failed write is put down to a full disk."""
 
 
 def write_results(
@@ -40,19 +46,29 @@ def write_results(
         OSError: a file cannot be written.
     """
     with TemporaryDirectory(prefix=f".{stem[:80]}.", dir=folder) as temporary:
-        aside = Path(temporary)
-        latlong = estimate.lighting.latlong(LATLONG_HEIGHT)
-        facts = _facts(estimate, estimator)
-        files = save_lighting(
-            estimate.lighting, aside / stem, turn=turn, hdr=hdr, facts=facts, latlong=latlong
-        )
-        for suffix, content in (further or {}).items():
-            files.append(aside / f"{stem}{suffix}")
-            files[-1].write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        source = estimate.photo.source
-        files.append(aside / f"{stem}.preview.png")
-        write_png(files[-1], preview(estimate, latlong, source.name if source else stem))
-        return _moved(files, folder)
+        try:
+            files = _written(estimate, estimator, Path(temporary) / stem, turn, hdr)
+            for suffix, content in (further or {}).items():
+                files.append(Path(temporary) / f"{stem}{suffix}")
+                files[-1].write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+            return _moved(files, folder)
+        except OSError as error:
+            if shutil.disk_usage(temporary).free > FULL_DISK_BYTES:
+                raise
+            told = os.strerror(errno.ENOSPC)  # image writers only say that they failed
+            raise OSError(errno.ENOSPC, told, str(folder / stem)) from error
+
+
+def _written(
+    estimate: Estimate, estimator: OnnxEstimator, stem: Path, turn: Turn | None, hdr: bool
+) -> list[Path]:
+    latlong = estimate.lighting.latlong(LATLONG_HEIGHT)
+    facts = _facts(estimate, estimator)
+    files = save_lighting(estimate.lighting, stem, turn=turn, hdr=hdr, facts=facts, latlong=latlong)
+    source = estimate.photo.source
+    files.append(stem.with_name(f"{stem.name}.preview.png"))
+    write_png(files[-1], preview(estimate, latlong, source.name if source else stem.name))
+    return files
 
 
 def _moved(files: list[Path], folder: Path) -> list[Path]:
