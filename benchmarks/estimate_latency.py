@@ -4,7 +4,7 @@
 
 The project promises a ratio of at most 1.3 in a warm process. In every round each of the three is
 timed in turn, so other work on the machine slows all of them alike; the ratio is the median over
-the rounds.
+the rounds. "ratio, fastest" takes the fastest round of each: what it would be on a quiet machine.
 """
 
 import argparse
@@ -75,7 +75,9 @@ def measure(estimator: OnnxEstimator, path: Path, rounds: int) -> dict[str, floa
     bare = zip(times["estimate"], times["decode"], times["bare network"], strict=True)
     ratios = [whole / (decoding + network) for whole, decoding, network in bare]
     medians = {name: statistics.median(values) for name, values in times.items()}
-    return medians | {"ratio": statistics.median(ratios)}
+    least = {name: min(values) for name, values in times.items()}
+    quietest = least["estimate"] / (least["decode"] + least["bare network"])
+    return medians | {"ratio": statistics.median(ratios), "ratio, fastest": quietest}
 
 
 def main() -> None:
@@ -94,8 +96,8 @@ def main() -> None:
         worst = max(worst, result["ratio"])
         print(f"12 megapixels {name}:")
         for part, value in result.items():
-            unit = f"{value * 1e3:8.1f} ms" if part != "ratio" else f"{value:8.2f}"
-            print(f"  {part:<14}{unit}")
+            unit = f"{value:8.2f}" if part.startswith("ratio") else f"{value * 1e3:8.1f} ms"
+            print(f"  {part:<16}{unit}")
     print(f"worst ratio {worst:.2f}, promised at most {PROMISED}")
     if worst > PROMISED:
         raise SystemExit(1)

@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float, Float32, Shaped, UInt8
+from jaxtyping import Float, Float32, Int, Shaped, UInt8
 
 from deeplight.camera import BACKGROUND_HEIGHT, BACKGROUND_WIDTH, TRAINED_VERTICAL_FOV_RAD
 from deeplight.contract import ModelContract
@@ -168,22 +168,25 @@ def _averages_in_memory_order(
         return _averages_in_memory_order(photo[:, ::-1], row_edges, mirrored_edges)[:, ::-1]
     first = int(np.clip(np.floor(column_edges[0]), 0, photo.shape[1] - 1))
     last = int(np.clip(np.ceil(column_edges[-1]), first + 1, photo.shape[1]))
-    strips = _interval_means(photo[:, first:last], row_edges)
-    columns = np.ascontiguousarray(strips.transpose(1, 0, 2))  # or the sums take ten times longer
-    return _interval_means(columns, column_edges - first).transpose(1, 0, 2)
+    strips = _row_means(photo[:, first:last], row_edges)
+    return _column_means(strips, column_edges - first)
 
 
-def _interval_means(
-    pixels: Shaped[np.ndarray, "length other 3"], edges: Float[np.ndarray, " count_plus_1"]
-) -> Float32[np.ndarray, "count other 3"]:
-    """Average `pixels` over the intervals between consecutive `edges` of the first axis.
+# Both means below are over the intervals between consecutive edges, which may lie anywhere. With
+# F(t) the integral of the pixels from 0 to t, an interval's mean is (F(b) - F(a)) / (b - a), and
+# F(t) is the sum of the whole pixels before t plus a fraction of the next. Clipping the whole part
+# of t but not its fraction continues the first and the last pixel for ever.
 
-    With F(t) the integral of the pixels from 0 to t, an interval's mean is (F(b) - F(a)) / (b - a).
-    Clipping the whole part of t but not its fraction continues the first and last pixel for ever.
-    Whole pixels are summed in integers, so a box filter by a whole factor is exact.
+
+def _row_means(
+    pixels: Shaped[np.ndarray, "height width 3"], edges: Float[np.ndarray, " rows_plus_1"]
+) -> Float32[np.ndarray, "rows width 3"]:
+    """Average over intervals of the first axis.
+
+    Whole pixels are summed in integers, so a box filter by a whole factor is exact. The loop over
+    intervals is twenty times faster than `np.add.reduceat` along this axis.
     """
-    whole = np.clip(np.floor(edges), 0, len(pixels) - 1).astype(np.intp)
-    fraction = (edges - whole).astype(np.float32)
+    whole, fraction = _split(edges, len(pixels))
     sum_type = _sum_type(pixels.dtype, int(np.diff(whole).max()))
     means = np.empty((len(edges) - 1, *pixels.shape[1:]), np.float32)
     before = fraction[0] * pixels[whole[0]]
@@ -194,6 +197,26 @@ def _interval_means(
         before = up_to
     means /= np.diff(edges).astype(np.float32)[:, None, None]
     return means
+
+
+def _column_means(
+    pixels: Float32[np.ndarray, "height width 3"], edges: Float[np.ndarray, " columns_plus_1"]
+) -> Float32[np.ndarray, "height columns 3"]:
+    """Average over intervals of the second axis; along it reduceat is the faster one."""
+    whole, fraction = _split(edges, pixels.shape[1])
+    means: np.ndarray = np.add.reduceat(pixels, whole, axis=1)[:, :-1]
+    means[:, np.diff(whole) == 0] = 0  # for an empty interval reduceat gives its first pixel
+    means += np.diff(pixels[:, whole] * fraction[:, None], axis=1)
+    means /= np.diff(edges).astype(np.float32)[:, None]
+    return means
+
+
+def _split(
+    edges: Float[np.ndarray, " edges"], length: int
+) -> tuple[Int[np.ndarray, " edges"], Float32[np.ndarray, " edges"]]:
+    """Split each edge into a pixel of the picture and the rest, which may point outside."""
+    whole = np.clip(np.floor(edges), 0, length - 1).astype(np.intp)
+    return whole, (edges - whole).astype(np.float32)
 
 
 def _sum_type(pixel_type: np.dtype[Any], count: int) -> type[np.generic]:
