@@ -107,7 +107,8 @@ def test_who_knows_the_light_beats_who_does_not(data: DataSet) -> None:
     estimators: Sequence[measuring.BatchEstimator] = [knowing, *baselines_for(data, "val")]
     seen: list[int] = []
     report = measuring.evaluate(estimators, data, "val", progress=seen.append)
-    names = ["deeplight", "training_mean", "best_constant", "training_mean_hdr", "photo_mean"]
+    names = ["deeplight", "training_mean", "best_constant", "training_mean_hdr"]
+    names += ["photo_mean", "khan_2006"]
     assert list(report.scores) == [*names, "true_lighting"]
     assert sum(seen) == len(report.keys) == 79
     assert max(knowing.batches) > 1  # the network is run on batches
@@ -156,7 +157,7 @@ def test_the_command_writes_tables_and_files(
     assert {s["scene"] for s in results["summary"]} == {"indoor", "outdoor", "both"}
     with (tmp_path / "out" / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 79 * 6
+    assert len(rows) == 79 * 7
     own = [float(r["l1_diffuse"]) for r in rows if r["estimator"] == "deeplight"]
     both = next(
         s

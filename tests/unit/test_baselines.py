@@ -17,6 +17,7 @@ from deeplight.dataset import (
     plan_split,
 )
 from deeplight.evaluate.baselines.best_constant import best_constant, constant_loss
+from deeplight.evaluate.baselines.khan_2006 import Khan2006
 from deeplight.evaluate.baselines.photo_mean import PhotoMean
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for, constant_baselines
 from deeplight.evaluate.baselines.training_mean import training_mean
@@ -201,6 +202,26 @@ def test_photo_mean_averages_light_and_not_pixel_values() -> None:
     photo[:, :96] = 255
     q = PhotoMean().estimate_inputs(normalise(photo))
     np.testing.assert_allclose(np.exp(q), 0.5, rtol=1e-3)
+
+
+def test_khan_shows_the_photo_in_front_and_mirrors_it_behind() -> None:
+    photo = np.zeros((1, 192, 135, 3), np.uint8)
+    photo[:, :96, 67:] = 255  # the upper right quarter
+    radiance = np.exp(Khan2006().estimate_inputs(normalise(photo))[0])
+    directions = mirror_ball.pixel_directions(32)
+    clear = DISC & (np.abs(directions[..., :2]) > 0.2).all(-1)
+    lit = (directions[..., 0] > 0) & (directions[..., 1] > 0)
+    np.testing.assert_allclose(radiance[clear & lit], 1, rtol=1e-3)
+    np.testing.assert_allclose(radiance[clear & ~lit], 1e-4, rtol=1e-3)
+    for behind in (True, False):
+        assert (clear & lit & ((directions[..., 2] > 0) == behind)).any()
+
+
+def test_khan_gives_a_plain_photo_its_own_colour() -> None:
+    photo = np.full((2, 192, 135, 3), (255, 128, 64), np.uint8)
+    radiance = np.exp(Khan2006().estimate_inputs(normalise(photo)))
+    expected = np.broadcast_to(decode(np.array([255, 128, 64]) / 255), radiance[:, DISC].shape)
+    np.testing.assert_allclose(radiance[:, DISC], expected, rtol=1e-3)
 
 
 def test_a_baseline_takes_photos_of_any_size() -> None:

@@ -53,8 +53,8 @@ def run(args: Args) -> None:
             estimators, data, args.split, args.examples, lambda n: bar.advance(task, n)
         )
     summaries = summarise(report)
-    for table in (*terminal_tables(summaries, args.split), ratio_table(summaries, args.split)):
-        console.print(table)
+    ratios = ratio_table(summaries, args.split, model.name)
+    console.print(*terminal_tables(summaries, args.split), ratios)
     if args.out is not None:
         told = {"trained_on": model.contract.trained_on, "sha256": model.sha256}
         write_files(args.out, report, summaries, data, estimators, told)

@@ -57,7 +57,7 @@ def _block(example: Example, data: DataSet, estimators: Sequence[BatchEstimator]
         radiance = rendered_radiance(bases, estimator.estimate_inputs(inputs))
         pixels = {name: encode(soft_clip(r[0])) for name, r in radiance.items()}
         columns.append(_column(estimator.name, pixels, views))
-    shown = column([label("input", example.background.shape[1]), example.background])
+    shown = column([_title("input", example.background.shape[1]), example.background])
     return row([shown, *columns], GAP // 2)
 
 
@@ -65,7 +65,13 @@ def _column(
     title: str, pixels: dict[str, Float[np.ndarray, "size size 3"]], views: dict[str, SphereView]
 ) -> Picture:
     spheres = [enlarged(_cut_out(pixels[name], views[name]), SPHERE_PX) for name in ORDER]
-    return column([label(title, SPHERE_PX), *spheres])
+    return column([_title(title, SPHERE_PX), *spheres])
+
+
+def _title(name: str, width: int) -> Picture:
+    """Two lines, since a name is longer than a sphere is wide."""
+    first, _, rest = name.partition("_")
+    return column([label(first, width), label(rest.replace("_", " "), width)])
 
 
 def _cut_out(

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.table import Table
 
 from deeplight.evaluate.run import Report
-from deeplight.evaluate.summary import REFERENCES, SCENES, Interval, Summary
+from deeplight.evaluate.summary import SCENES, Interval, Summary
 from deeplight.io.atomic import replacing
 
 COLUMNS = {
@@ -18,7 +19,7 @@ COLUMNS = {
     "l1_matte_silver": "L1 silver",
     "l1_mirror": "L1 mirror",
     "theta_rgb_deg": "θ rgb °",
-    "radiance_absolute": "radiance |err|",
+    "radiance_absolute": "radiance err",
 }
 
 
@@ -31,22 +32,19 @@ def terminal_tables(summaries: Sequence[Summary], split: str) -> list[Table]:
     ]
 
 
-def ratio_table(summaries: Sequence[Summary], split: str) -> Table:
-    """Give the L1 of each estimator over that of each constant baseline, with intervals."""
+def ratio_table(summaries: Sequence[Summary], split: str, estimator: str) -> Table:
+    """Give the L1 of `estimator` over that of each constant baseline, with intervals."""
     metrics = [metric for metric in COLUMNS if metric.startswith("l1_")]
-    table = Table(title=f"{split}: L1 over that of constant lighting [95 % interval]")
-    table.add_column("estimator")
-    table.add_column("scenes")
-    table.add_column("over")
+    title = f"{split}: L1 of {estimator} over that of constant lighting"
+    table = _table(title, "ratio of the means, 95 % interval over places")
+    table.add_column("")
     for metric in metrics:
-        table.add_column(COLUMNS[metric], justify="right")
-    cells = {(s.estimator, s.scene, s.metric): s.ratio for s in summaries}
+        table.add_column(COLUMNS[metric], justify="right", no_wrap=True)
+    cells = {(s.scene, s.metric): s.ratio for s in summaries if s.estimator == estimator}
     for scene in SCENES:
-        for estimator in dict.fromkeys(s.estimator for s in summaries if s.scene == scene):
-            for reference in cells[estimator, scene, metrics[0]]:
-                if estimator not in REFERENCES:
-                    row = (cells[estimator, scene, metric][reference] for metric in metrics)
-                    table.add_row(estimator, _title(scene), reference, *(map(_ratio, row)))
+        for reference in cells.get((scene, metrics[0]), ()):
+            row = (_ratio(cells[scene, metric][reference]) for metric in metrics)
+            table.add_row(scene, reference, *row)
     return table
 
 
@@ -86,27 +84,33 @@ def _write_rows(writer: Any, report: Report) -> None:
 
 def _scene_table(summaries: Sequence[Summary], title: str) -> Table:
     examples = max(s.examples + s.undefined for s in summaries)
-    table = Table(title=f"{title}: {examples} examples in {summaries[0].places} places")
-    table.caption = "mean ± sd over examples, [95 % interval over places]"
-    table.add_column("estimator")
+    title = f"{title}: {examples} examples in {summaries[0].places} places"
+    table = _table(title, "mean±sd over examples, below it the 95 % interval over places")
     for text in COLUMNS.values():
-        table.add_column(text, justify="right")
+        table.add_column(text, justify="right", no_wrap=True)
     cells = {(s.estimator, s.metric): s for s in summaries}
     for estimator in dict.fromkeys(s.estimator for s in summaries):
         table.add_row(estimator, *(_mean(cells[estimator, metric]) for metric in COLUMNS))
     return table
 
 
+def _table(title: str, caption: str) -> Table:
+    """Give an empty table that five columns of numbers keep within 80 characters."""
+    table = Table(title=title, caption=caption, box=box.SIMPLE_HEAD, padding=0, pad_edge=False)
+    table.add_column("", no_wrap=True)
+    return table
+
+
 def _mean(summary: Summary) -> str:
     digits = 1 if summary.metric == "theta_rgb_deg" else 3
     mean = summary.mean
-    text = f"{mean.value:.{digits}f} ± {summary.sd:.{digits}f}"
-    text += f"\n\\[{mean.low:.{digits}f}, {mean.high:.{digits}f}]"
-    return text + (f"\n{summary.undefined} undefined" if summary.undefined else "")
+    text = f"{mean.value:.{digits}f}±{summary.sd:.{digits}f}"
+    text += f"\n{mean.low:.{digits}f}-{mean.high:.{digits}f}"
+    return text + (f"\n{summary.undefined} undef." if summary.undefined else "")
 
 
 def _ratio(ratio: Interval) -> str:
-    return f"{ratio.value:.2f} \\[{ratio.low:.2f}, {ratio.high:.2f}]"
+    return f"{ratio.value:.2f} ({ratio.low:.2f}-{ratio.high:.2f})"
 
 
 def _title(scene: str) -> str:

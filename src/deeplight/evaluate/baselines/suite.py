@@ -11,6 +11,7 @@ from jaxtyping import Float32
 from deeplight.dataset import GROUPS, DataSet, splits_named
 from deeplight.evaluate.baselines.baseline import Baseline, ConstantLighting
 from deeplight.evaluate.baselines.best_constant import best_constant
+from deeplight.evaluate.baselines.khan_2006 import Khan2006
 from deeplight.evaluate.baselines.photo_mean import PhotoMean
 from deeplight.evaluate.baselines.training_mean import training_mean
 from deeplight.evaluate.baselines.training_mean_hdr import NAME as HDR_NAME
@@ -35,7 +36,7 @@ def baselines_for(data: DataSet, split: str) -> list[Baseline]:
     constants = constant_baselines(data) if data.manifest.examples("train") else []
     tested = set(splits_named(split))
     fair = [c for c in constants if c.name != HDR_NAME or not tested & set(GROUPS[HDR_SPLIT])]
-    return [*fair, PhotoMean()]
+    return [*fair, PhotoMean(), Khan2006()]
 
 
 def constant_baselines(data: DataSet) -> list[ConstantLighting]:
