@@ -103,6 +103,14 @@ def test_exif_gives_orientation_and_field_of_view(photos, estimate, tmp_path):
     assert framing["vertical_fov_deg"] == pytest.approx(63.4, abs=0.5)
 
 
+@pytest.mark.parametrize("size", [(32, 1500), (1500, 32)])
+@pytest.mark.parametrize("fov", [1, 179])
+def test_odd_shapes_and_extreme_fields_of_view_give_results(photos, estimate, tmp_path, size, fov):
+    Image.new("RGB", size, (90, 90, 90)).save(photos / "写真 [b].png")
+    assert estimate(photos / "写真 [b].png", "--fov", fov) == 0
+    assert results(tmp_path) == {f"写真 [b]{suffix}" for suffix in RESULTS}
+
+
 @pytest.mark.parametrize(("tool", "quarter"), [("blender", -1), ("unreal", 1), ("mitsuba", 0)])
 def test_for_a_tool_the_environment_is_turned_and_says_so(
     photos, estimate, tmp_path, tool, quarter

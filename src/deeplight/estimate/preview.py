@@ -70,7 +70,9 @@ def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> None:
     left = MARGIN + (PHOTO_BOX[0] - size[0]) // 2
     canvas.paste(dimmed, (left, 64))
     draw = ImageDraw.Draw(canvas)
-    draw.rectangle((left + x0, 64 + y0, left + x1 - 1, 64 + y1 - 1), outline=ACCENT, width=2)
+    # Of a very narrow photo, or at a huge field of view, less than a pixel may be left.
+    corner = (left + max(x1 - 1, x0), 64 + max(y1 - 1, y0))
+    draw.rectangle((left + x0, 64 + y0, *corner), outline=ACCENT, width=2)
     caption = "outlined: what the network saw"
     if framing.visible_fraction < 1:
         caption += f" ({framing.visible_fraction:.0%} of its view)"
