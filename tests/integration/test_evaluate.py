@@ -20,7 +20,7 @@ from deeplight.dataset import (
     open_dataset,
     plan_split,
 )
-from deeplight.errors import DataSetError
+from deeplight.errors import ConfigError, DataSetError
 from deeplight.evaluate import run as measuring
 from deeplight.evaluate.baselines.baseline import Baseline, ConstantLighting
 from deeplight.evaluate.baselines.best_constant import best_constant
@@ -178,3 +178,12 @@ def test_a_split_the_data_set_lacks_is_told(data: DataSet) -> None:
         command.run(command.Args(data.folder, "test"))
     with pytest.raises(DataSetError, match="choose one of"):
         command.run(command.Args(data.folder, "holdout"))
+    with pytest.raises(ConfigError, match="at least 1 example"):
+        command.run(command.Args(data.folder, "val", examples=0))
+
+
+@pytest.mark.usefixtures("knowing")
+def test_an_out_that_is_a_file_is_told_before_the_work(data: DataSet, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("not a folder")
+    with pytest.raises(FileExistsError):
+        command.run(command.Args(data.folder, "val", None, tmp_path / "out"))

@@ -2,16 +2,15 @@
 
 deeplight evaluate --data data/sim --split val --out results
 
-Prints masked L1 of the three spheres, the colour angle of the diffuse one and its relative
-radiance error, indoor and outdoor apart and together. With --out it also writes results.json,
-results.csv (one row per example), percentiles.png and run.toml.
+Prints masked L1 of the spheres, colour angle and relative radiance error of the diffuse one. With
+--out it also writes results.json, results.csv (every example), percentiles.png and run.toml.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -43,11 +42,12 @@ def run(args: Args) -> None:
     data = open_dataset(args.data)
     data.index(args.split)  # a wrong split is told before any work
     model = OnnxEstimator(args.model)
+    if args.out is not None:
+        args.out.mkdir(parents=True, exist_ok=True)  # no permission is told before any work too
     console = Console()
     with console.status("constant baselines from the training split"):
         estimators: list[BatchEstimator] = [model, *baselines_for(data, args.split)]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar:
+    with Progress(console=console, transient=True) as bar:
         task = bar.add_task("measuring", total=args.examples or len(data.index(args.split)))
         report = evaluate(
             estimators, data, args.split, args.examples, lambda n: bar.advance(task, n)

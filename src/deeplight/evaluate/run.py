@@ -9,6 +9,7 @@ from jaxtyping import Float, Float32, Float64, Int64
 
 from deeplight.camera_response import decode, encode, soft_clip
 from deeplight.dataset import DataSet, Example, SplitIndex
+from deeplight.errors import ConfigError
 from deeplight.evaluate.metrics import angular_error_rgb, masked_l1, relative_radiance_error
 from deeplight.preprocess import normalise
 from deeplight.reflectance import ReflectanceBasis, rig_bases
@@ -101,7 +102,10 @@ def evaluate(
     Raises:
         DataSetError: no such split, or an example cannot be read.
         ModelError: an estimator gives NaN or infinite light.
+        ConfigError: `at_most` is under 1.
     """
+    if at_most is not None and at_most < 1:
+        raise ConfigError("at least 1 example to measure", f"{at_most}", "ask for more")
     index = data.index(split)
     count = len(index) if at_most is None else min(at_most, len(index))
     numbers = np.unique(np.linspace(0, len(index) - 1, count).astype(int))
