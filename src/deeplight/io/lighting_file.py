@@ -73,7 +73,11 @@ def save_lighting(
         latlong = lighting.latlong(LATLONG_HEIGHT)
     turned = np.roll(latlong, round((turn.view_u - 0.5) * latlong.shape[1]), axis=1)
     files = [folder / f"{name}.exr"]
-    header = {"deeplight:unit": UNIT, "deeplight:frame": FRAME, VIEW_U: turn.view_u}
+    header: dict[str, str | int | float] = {
+        "deeplight:unit": UNIT,
+        "deeplight:frame": FRAME,
+        VIEW_U: turn.view_u,
+    }
     write_exr(files[0], turned, header)
     if hdr:
         files.append(folder / f"{name}.hdr")
