@@ -22,6 +22,8 @@ DIM_SIZE = (296, 148)  # of the same, darker
 SPHERE = 132  # pixels across
 DARK_STOPS = -5.0
 """Exposure of the second environment: what is still bright there is a light source."""
+FAINT_SHARE = 0.02
+"""A main light with less of the power than this is none, and not marked."""
 
 PAPER, INK, FAINT, ACCENT = (20, 22, 26), (236, 238, 242), (146, 152, 162), (255, 196, 61)
 NAMES = {"mirror": "mirror", "matte_silver": "matte silver", "diffuse": "diffuse"}
@@ -127,8 +129,10 @@ def _tone_mapped(
 
 
 def _mark_dominant(draw: ImageDraw.ImageDraw, estimate: Estimate, at: tuple[int, int]) -> None:
-    """Ring the dominant light and name it."""
+    """Ring the dominant light and name it, if there is one."""
     light = dominant_light(estimate.lighting)
+    if light.share < FAINT_SHARE:
+        return
     width, height = LIGHT_SIZE
     (row,), (column,) = position(light.direction[None], height, width)
     x, y = at[0] + float(column), at[1] + float(row)
