@@ -16,6 +16,7 @@ MATTE_SILVER_ROUGHNESS = 0.3
 
 Vectors = Float[np.ndarray, "*#batch 3"]
 Weights = Float[np.ndarray, "*batch"]
+Cosines = Float[np.ndarray, "*#cosines"]
 
 
 def lambertian(normals: Vectors, lights: Vectors) -> Weights:
@@ -24,24 +25,26 @@ def lambertian(normals: Vectors, lights: Vectors) -> Weights:
 
 
 def rough_specular(
-    normals: Vectors, lights: Vectors, views: Vectors, roughness: float = MATTE_SILVER_ROUGHNESS
-) -> Weights:
+    n_l: Cosines, n_v: Cosines, l_v: Cosines, roughness: float = MATTE_SILVER_ROUGHNESS
+) -> Cosines:
     """GGX microfacets that absorb nothing: D G / (4 n.v), after Walter et al. 2007.
 
     Light that a real surface would scatter more than once is missing, so white light gives
     less than 1 at grazing views; `reflectance` scales it to the measured reflectivity.
+
+    Args:
+        n_l, n_v, l_v: cosines between normal, light and view, broadcast against each other.
+        roughness: GGX alpha.
     """
-    half = lights + views
-    half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-9)
-    n_h, n_l, n_v = ((normals * w).sum(-1) for w in (half, lights, views))
     a2 = roughness**2
-    density = a2 / (np.pi * (n_h * n_h * (a2 - 1) + 1) ** 2)
+    n_h_squared = (n_l + n_v) ** 2 / np.maximum(2 + 2 * l_v, 1e-9)  # h = (l + v) / |l + v|
+    density = a2 / (np.pi * (n_h_squared * (a2 - 1) + 1) ** 2)
     shadowed = _smith(n_l, a2) * _smith(n_v, a2)
     lit = (n_l > 0) & (n_v > -1e-6)  # the rim, seen edge on, reflects too
     return np.where(lit, density * shadowed / (4 * np.maximum(n_v, 1e-4)), 0.0)
 
 
-def _smith(cosine: np.ndarray | np.floating, a2: float) -> np.ndarray:
+def _smith(cosine: np.ndarray, a2: float) -> np.ndarray:
     """Share of microfacets that a direction sees (Smith's G1 for GGX)."""
     cosine = np.clip(cosine, 1e-4, 1.0)
     return np.asarray(2 / (1 + np.sqrt(1 + a2 * (1 / (cosine * cosine) - 1))))

@@ -62,15 +62,15 @@ class CameraResponse:
         """Factor on each colour channel: exposure times white balance."""
         return np.asarray(self.white_balance, np.float32) * np.float32(2.0**self.exposure_stops)
 
-    def pixel_from_radiance(self, radiance: Float[np.ndarray, "*batch 3"]) -> (
-        Float[np.ndarray, "*batch 3"]
-    ):
+    def pixel_from_radiance(
+        self, radiance: Float[np.ndarray, "*batch 3"]
+    ) -> Float[np.ndarray, "*batch 3"]:
         """Pixel values, 0 to 1, of scene radiance."""
         return encode(soft_clip(radiance * self.gain, self.soft_clip_n), self.gamma)
 
-    def radiance_from_pixel(self, pixel: Float[np.ndarray, "*batch 3"]) -> (
-        Float[np.ndarray, "*batch 3"]
-    ):
+    def radiance_from_pixel(
+        self, pixel: Float[np.ndarray, "*batch 3"]
+    ) -> Float[np.ndarray, "*batch 3"]:
         """Scene radiance of pixel values below the clip; a clipped pixel gives a lower bound."""
         unclipped = decode(pixel, self.gamma)
         n, top = self.soft_clip_n, np.asarray(1 - 1e-6, pixel.dtype)

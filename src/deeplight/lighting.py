@@ -76,5 +76,3 @@ class Lighting:
     def power(self) -> Float[np.ndarray, "3"]:
         """Radiance summed over all directions, per channel; white light of 1 gives 4 pi."""
         return np.einsum("ij,ijc->c", mirror_ball.solid_angles(self.size), self.radiance)
-
-

@@ -16,6 +16,8 @@ from deeplight.errors import ShapeError
 from deeplight.lighting import LIGHTING_SIZE
 from deeplight.sphere import Rig, SphereView
 
+_ROWS_AT_A_TIME = 64  # keeps the working set in the processor's cache
+
 
 @dataclass(frozen=True)
 class ReflectanceBasis:
@@ -98,12 +100,15 @@ def _diffuse(view: SphereView, light_size: int) -> np.ndarray:
 def _matte_silver(view: SphereView, light_size: int) -> np.ndarray:
     """GGX, each row scaled so that white light gives the measured reflectivity."""
     directions, solid_angle = _light_samples(light_size)
-    normals, views = (view.normals().reshape(-1, 3), view.views().reshape(-1, 3))
-    rows = [
-        _by_light(brdf.rough_specular(n, directions, v)[None] * solid_angle, light_size)
-        for n, v in zip(normals.astype(np.float32), views.astype(np.float32), strict=True)
-    ]
-    weights = np.concatenate(rows)
+    normals, views = (
+        values.reshape(-1, 3).astype(np.float32) for values in (view.normals(), view.views())
+    )
+    weights = np.zeros((view.size**2, light_size**2), np.float32)
+    shown = np.flatnonzero(view.alpha())
+    for some in np.array_split(shown, max(1, len(shown) // _ROWS_AT_A_TIME)):
+        n_l, l_v = normals[some] @ directions.T, views[some] @ directions.T
+        n_v = (normals[some] * views[some]).sum(axis=1, keepdims=True)
+        weights[some] = _by_light(brdf.rough_specular(n_l, n_v, l_v) * solid_angle, light_size)
     return weights * (
         brdf.REFLECTIVITY["matte_silver"] / np.maximum(weights.sum(1, keepdims=True), 1e-9)
     )

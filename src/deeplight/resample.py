@@ -164,7 +164,7 @@ def _fill_missed(
 def _enlarge(ball: np.ndarray, directions: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Smooth radiance along `directions` whose mean over each ball pixel is that pixel's.
 
-    Interpolates, bins the result back to the ball and interpolates the shortfall as a
+    Interpolates its logarithm, bins the result back to the ball and interpolates the shortfall as a
     factor, a few times over; factors keep it positive where an added correction would not.
     What little is then still missing is made up pixel by pixel, so the mean is exact.
     """
@@ -173,7 +173,9 @@ def _enlarge(ball: np.ndarray, directions: np.ndarray, weights: np.ndarray) -> n
     area = np.bincount(pixel, weights.ravel(), size * size)[:, None]
     taps = _bilinear_taps(directions, size)
     wanted = _spread_over_rim(ball).reshape(-1, channels)
-    result = _interpolate(wanted, taps)
+    # Logarithms do not carry the sun into its neighbours, which would then need a dark halo.
+    darkest = np.float32(max(1e-6 * float(wanted.max()), 1e-30))
+    result = np.exp(_interpolate(np.log(np.maximum(wanted, darkest)), taps))
     flat_weights = weights.reshape(-1, 1)
     for smooth in (True, True, True, False):
         power = np.stack(
@@ -182,7 +184,9 @@ def _enlarge(ball: np.ndarray, directions: np.ndarray, weights: np.ndarray) -> n
         factor = np.ones_like(power)
         np.divide(wanted * area, power, out=factor, where=power > 0)
         factor = factor.astype(np.float32)
-        result *= _interpolate(np.clip(factor, 0.05, 20), taps) if smooth else factor[pixel]
+        if smooth:
+            factor = np.exp(_interpolate(np.log(np.clip(factor, 0.05, 20)), taps))
+        result *= factor if smooth else factor[pixel]
     return result.reshape(*directions.shape[:-1], channels)
 
 

@@ -1,5 +1,6 @@
 """From a folder of panoramas to a data set: plan the shards, film them, in parallel."""
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
@@ -26,7 +27,7 @@ from deeplight.simulate.phone import PHONES
 from deeplight.simulate.take import Frame, film
 from deeplight.sphere import PAPER_RIG
 
-_TAKES_PER_VISIT = 4  # takes filmed in a row in one place, so it is read once for all of them
+_LONGEST_VISIT = 4  # takes filmed in a row in one place, so that it is read once for them all
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,12 @@ class Recipe:
     synthetic_ground: bool = False
     shard_takes: int = 64
     seed: int = 0
+
+    def takes(self, split: str) -> int:
+        """Takes in each place of a split of the data set."""
+        if split == "train":
+            return self.train_takes
+        return self.seen_takes if split.startswith("seen") else self.eval_takes
 
     def __post_init__(self) -> None:
         counts = (self.train_takes, self.eval_takes, self.seen_takes)
@@ -89,7 +96,8 @@ class Simulation:
 
     def _place(self, split: str, take: int) -> Place:
         places = self.places[split]
-        return places[take // _TAKES_PER_VISIT % len(places)]
+        visit = math.gcd(self.recipe.takes(split), _LONGEST_VISIT)  # leaves no place short
+        return places[take // visit % len(places)]
 
     def _take(self, split: str, place: Place, radiance: np.ndarray, take: int) -> Iterator[Example]:
         recipe = self.recipe
@@ -113,20 +121,18 @@ def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation
         Skipped(p.path.name, "its ground is made up") for p in everything if p not in usable
     )
     places: dict[str, list[Place]] = {}
-    takes: dict[str, int] = {}
     for place in usable:
-        counts = {place.held_out_split: recipe.eval_takes}
-        if place.split == "train":
-            counts = {"train": recipe.train_takes, place.held_out_split: recipe.seen_takes}
-        for split, count in counts.items():
-            if count:
+        training = ["train"] if place.split == "train" else []
+        for split in [*training, place.held_out_split]:
+            if recipe.takes(split):
                 places.setdefault(split, []).append(place)
-                takes[split] = takes.get(split, 0) + count
     jobs = [
         job
         for split in sorted(places)
         for job in plan_split(
-            split, takes[split] * recipe.frames, recipe.shard_takes * recipe.frames
+            split,
+            recipe.takes(split) * len(places[split]) * recipe.frames,
+            recipe.shard_takes * recipe.frames,
         )
     ]
     simulation = Simulation(recipe, {s: tuple(p) for s, p in places.items()}, left_out)

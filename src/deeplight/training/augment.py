@@ -27,6 +27,10 @@ class AugmentConfig:
     """Standard deviation of an exposure change of photo and spheres; no benefit in the paper."""
     white_balance: float = 0.0
     """Standard deviation of the logarithm of a gain per channel; no benefit in the paper."""
+    channel_shuffle: float = 0.0
+    """Share of examples whose colour channels change places, in photo and spheres alike. Light is
+    transported channel by channel, so the result is as true as the original; it keeps a network
+    that knows few places from recognising them by their colours."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,8 @@ def augment(inputs: Inputs, config: AugmentConfig) -> Inputs:
     """A new random version of the batch; draws nothing for what is switched off."""
     if config.exposure_stops or config.white_balance:
         inputs = jitter(inputs, config.exposure_stops, config.white_balance)
+    if config.channel_shuffle:
+        inputs = shuffle_channels(inputs, config.channel_shuffle)
     if config.flip:
         inputs = flip(inputs)
     photo = inputs.photo
@@ -103,6 +109,17 @@ def jitter(inputs: Inputs, exposure_stops: float, white_balance: float) -> Input
     pixel_gain = (gain ** (1.0 / GAMMA)).to(device, non_blocking=True)
     photo = ((inputs.photo + 0.5) * pixel_gain[:, :, None, None]).clamp_max(1.0) - 0.5
     spheres = (inputs.spheres * pixel_gain[:, None, :, None]).clamp_max(1.0)
+    return replace(inputs, photo=photo, spheres=spheres)
+
+
+def shuffle_channels(inputs: Inputs, share: float) -> Inputs:
+    """Permute red, green and blue of a random `share` of the examples."""
+    n, device = len(inputs.photo), inputs.photo.device
+    permuted = torch.rand(n, 3).argsort(1)
+    chosen = torch.rand(n, 1) < share
+    order = torch.where(chosen, permuted, torch.arange(3)).to(device, non_blocking=True)
+    photo = inputs.photo.gather(1, order[:, :, None, None].expand_as(inputs.photo))
+    spheres = inputs.spheres.gather(2, order[:, None, :, None].expand_as(inputs.spheres))
     return replace(inputs, photo=photo, spheres=spheres)
 
 
