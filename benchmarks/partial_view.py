@@ -57,9 +57,8 @@ def main(folder: str, split: str = "val") -> None:
         for name, (h, w, fov) in PHOTOS.items()
     ]
     report = evaluate(views, open_dataset(folder), split)
-    print(
-        "| photo | shown | L1 diffuse | silver | mirror | angle of colour |\n|---|---|---|---|---|---|"
-    )
+    print("| photo | shown | L1 diffuse | silver | mirror | angle of colour |")
+    print("|---|---|---|---|---|---|")
     for view in views:
         metrics = report.scores[view.name].metrics()
         l1 = " | ".join(
