@@ -1,4 +1,4 @@
-"""The network is the paper's (section 3.2, Implementation Details; paper-traps 13 and 14)."""
+"""The network is the paper's (section 3.2, Implementation Details)."""
 
 import math
 

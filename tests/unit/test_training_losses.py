@@ -65,7 +65,7 @@ def test_gradient_is_finite_for_black_and_for_blinding_light(bases):
 
 
 def test_a_clipped_mirror_teaches_nothing_but_a_grey_diffuse_sphere_does(bases):
-    """Paper-trap 9: recovering the sun is left to the other spheres."""
+    """Recovering the sun is left to the other spheres."""
     slopes = {}
     for name in ("mirror", "diffuse"):
         only = {sphere: float(sphere == name) for sphere in SPHERES}
@@ -84,7 +84,7 @@ def best_radiance_for_white(form):
 
 
 def test_what_a_saturated_pixel_is_taken_for():
-    """Paper-trap 8: read to the letter, equation 5 says 0.9685."""
+    """Read to the letter, equation 4 says 0.9685."""
     assert best_radiance_for_white("paper") == pytest.approx(0.9685, abs=1e-3)
     assert best_radiance_for_white("consistent") == pytest.approx(1.0, abs=2e-3)
     assert best_radiance_for_white("plain") > 1.2

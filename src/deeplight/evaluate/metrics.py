@@ -23,9 +23,9 @@ class AngularError(NamedTuple):
 def masked_l1(predicted: Images, filmed: Images, mask: Mask) -> Float64[np.ndarray, " examples"]:
     """Mean absolute difference of pixel values over masked pixels and channels.
 
-    L1 of Table 1 and equation 5, as a mean. Both are gamma-encoded, 0 to 1; the prediction was
+    L1 of Table 1 and equation 4, as a mean. Both are gamma-encoded, 0 to 1; the prediction was
     soft-clipped in linear before. The filmed pixels are taken as they are: soft-clipping them too,
-    as equation 5 does when read literally, would move a saturated pixel from 1 to 0.983 of white.
+    as equation 4 does when read literally, would move a saturated pixel from 1 to 0.983 of white.
 
     Returns:
         0 is perfect, 1 the worst; NaN where a masked value is NaN.

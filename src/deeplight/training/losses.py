@@ -29,7 +29,7 @@ Reduction = Literal["mean", "sum"]
 class LossConfig:
     """Weights and form of the reconstruction loss; defaults are the paper's numbers.
 
-    The adversarial term of equation 6 joins here with its own weight, 1 - lambda_rec.
+    The adversarial term of equation 5 joins here with its own weight, 1 - lambda_rec.
     """
 
     mirror: float = 0.2
@@ -37,7 +37,7 @@ class LossConfig:
     diffuse: float = 0.6
     form: Form = "consistent"
     """What a sphere's pixel I is compared as. consistent: soft-clipped in linear radiance, like the
-    rendering; paper: equation 5 to the letter, soft-clipped as a pixel value; plain: as it is."""
+    rendering; paper: equation 4 to the letter, soft-clipped as a pixel value; plain: as it is."""
     reduction: Reduction = "mean"
     """Over masked pixels and channels of one sphere; over examples it is always the mean."""
 
@@ -142,7 +142,7 @@ def masked_l1(
     form: Form = "consistent",
     reduction: Reduction = "mean",
 ) -> Float[Tensor, "n sphere"]:
-    """Equation 5 without its weights: |encode(soft_clip(rendered)) - target| inside the mask.
+    """Equation 4 without its weights: |encode(soft_clip(rendered)) - target| inside the mask.
 
     `rendered` is linear radiance, `pixels` are 8-bit values / 255. "mean" is over masked pixels and
     channels, "sum" is the norm as printed (some 2,000 times larger, so that the adversarial weight
@@ -162,9 +162,9 @@ def masked_norm(
     return total if reduction == "sum" else total / (3.0 * mask.sum((2, 3)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LossTerms:
-    """The weighted terms of the objective by name (equation 7), and what is only reported."""
+    """The weighted terms of the objective by name (equation 6), and what is only reported."""
 
     weighted: Mapping[str, Tensor]
     """Scalars to be added up: "reconstruction"; an adversarial term is one more entry."""
@@ -182,7 +182,7 @@ def reconstruction_terms(
     spheres: Float[Tensor, "n sphere 3 pixel"],
     rig: Int[Tensor, "n"],
 ) -> LossTerms:
-    """Equation 5 with the weights of the spheres, mean over the examples."""
+    """Equation 4 with the weights of the spheres, mean over the examples."""
     rendered = bases.render(log_radiance, rig)
     with torch.autocast(log_radiance.device.type, enabled=False):
         per_sphere = masked_l1(
