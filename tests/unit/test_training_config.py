@@ -2,15 +2,16 @@
 
 import json
 import tomllib
+from dataclasses import asdict
 
 import pytest
 
 pytest.importorskip("torch")
 
 from deeplight.errors import ConfigError
+from deeplight.io.run_record import write_run_toml
 from deeplight.training.config import PRESETS, differences, flatten, preset
 from deeplight.training.optimiser import ScheduleConfig
-from deeplight.training.record import write_run_toml
 
 
 def test_the_paper_preset_has_the_papers_numbers():
@@ -112,7 +113,7 @@ def test_the_cosine_rises_and_falls():
 
 def test_run_toml_holds_the_settings(tmp_path):
     config = PRESETS["small"]
-    write_run_toml(tmp_path, config, {"seed": 0, "data": 'a "quoted" folder'})
+    write_run_toml(tmp_path, asdict(config), {"seed": 0, "data": 'a "quoted" folder'})
     read = tomllib.loads((tmp_path / "run.toml").read_text())
     assert read["run_facts"]["data"] == 'a "quoted" folder'
     assert read["versions"]["torch"]

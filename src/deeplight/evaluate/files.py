@@ -6,11 +6,11 @@ from typing import Any
 
 from deeplight.dataset import DataSet
 from deeplight.evaluate.figures import percentile_figure
-from deeplight.evaluate.record import write_run_toml
 from deeplight.evaluate.run import BatchEstimator, Report
 from deeplight.evaluate.summary import RESAMPLES, SEED, Summary
 from deeplight.evaluate.tables import write_results
 from deeplight.io.image import write_png
+from deeplight.io.run_record import write_run_toml
 
 
 def write_files(
@@ -41,4 +41,4 @@ def write_files(
     figure = percentile_figure(report, data, estimators, ranked_by=estimators[0].name)
     write_png(folder / "percentiles.png", figure)
     settings = {"data": str(data.folder), "split": report.split}
-    write_run_toml(folder, settings, facts)
+    write_run_toml(folder, {"settings": settings}, facts)

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from deeplight.dataset import DataSet, open_dataset
 from deeplight.errors import ConfigError
 from deeplight.io.atomic import replacing
+from deeplight.io.run_record import write_run_toml
 from deeplight.sphere import SPHERES
 from deeplight.training import checkpoint
 from deeplight.training.augment import Inputs, augment, prepare, turn_back
@@ -26,7 +27,7 @@ from deeplight.training.generator import PHOTO_SIZE, Generator, Orientation
 from deeplight.training.imagenet import load_imagenet
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
-from deeplight.training.record import RunRecord, write_run_toml
+from deeplight.training.record import RunRecord
 from deeplight.training.validation import SphereErrors, Validation, score, some_of
 
 try:  # the same Fabric comes in two packages
@@ -108,7 +109,7 @@ class Run:
             "resumed_at": self.step,
             "device": device_name(self.device),
         }
-        write_run_toml(run_dir, config, facts)
+        write_run_toml(run_dir, asdict(config), facts)
         self.record = RunRecord(run_dir, self.step)
 
     def read_data(self, data: DataSet) -> None:

@@ -1,68 +1,16 @@
-"""What a run leaves for people: run.toml, CSV tables, TensorBoard scalars, curves as a picture."""
+"""What a run leaves for people: CSV tables, TensorBoard scalars, curves as a picture."""
 
 import csv
-import json
-import platform
-import subprocess
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from deeplight.io.atomic import replacing
 from deeplight.sphere import SPHERES
-from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.validation import SphereErrors
 
-PACKAGES = ("deeplight", "torch", "lightning-fabric", "lightning", "numpy", "safetensors")
 LOSS_COLUMNS = ("step", "images", "loss", *SPHERES, "learning_rate", "images_per_second")
 VALIDATION_COLUMNS = ("step", "split", *SPHERES, *(f"constant_{name}" for name in SPHERES))
-
-
-def write_run_toml(run_dir: Path, config: TrainConfig, facts: Mapping[str, Any]) -> None:
-    """Write the resolved settings, versions, commit and `facts` (seed and data among them)."""
-    sections: dict[str, dict[str, Any]] = {"run_facts": {**facts, "commit": commit()}}
-    sections["versions"] = {"python": platform.python_version(), **versions()}
-    for key, value in flatten(config).items():
-        section, _, name = key.partition(".")
-        sections.setdefault(section, {})[name] = value
-    text = "\n".join(toml_section(name, values) for name, values in sections.items())
-    with replacing(run_dir / "run.toml") as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-def toml_section(name: str, values: Mapping[str, Any]) -> str:
-    """One flat TOML table; None is left out, as TOML has no null."""
-    lines = [f"[{name}]"]
-    for key, value in values.items():
-        if value is not None:
-            # JSON's strings, numbers, booleans and arrays of these are TOML's.
-            written = json.dumps(list(value) if isinstance(value, tuple) else value)
-            lines.append(f"{json.dumps(key) if '.' in key else key} = {written}")
-    return "\n".join(lines) + "\n"
-
-
-def versions() -> dict[str, str]:
-    """Versions of the packages that decide numbers."""
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def commit() -> str:
-    """The commit of the package, with -dirty if files were changed; "unknown" without git."""
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
-    try:
-        result = subprocess.run(
-            command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
-        )
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return result.stdout.strip()
 
 
 class CsvTable:
