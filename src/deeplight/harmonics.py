@@ -59,14 +59,14 @@ def irradiance(
     return basis(normals) @ (_LAMBERT[:, None] * coefficients)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DominantLight:
     """The one light that stands out, as a directional light would replace it.
 
     Attributes:
         direction: unit vector towards the light, camera frame.
         irradiance: RGB on a surface that faces it, in units of radiance relative to camera
-            white times sr; zero in perfectly even light.
+            white times sr; zero in perfectly even light. Read-only like `direction`.
         share: part of the scene's power that it holds, 0 to 1, by luminance.
         remainder: the lighting without it; the two together are the whole.
     """
@@ -75,6 +75,12 @@ class DominantLight:
     irradiance: Float[np.ndarray, "3"]
     share: float
     remainder: Lighting
+
+    def __post_init__(self) -> None:
+        for name in ("direction", "irradiance"):
+            own = getattr(self, name).copy()  # the caller's stays writable
+            own.setflags(write=False)
+            object.__setattr__(self, name, own)
 
 
 def dominant_light(lighting: Lighting, cone_rad: float = 0.35) -> DominantLight:

@@ -13,7 +13,7 @@ from deeplight.frames import Rotation
 LIGHTING_SIZE = 32  # the network's output
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lighting:
     """Light from all directions, on the mirror ball, in the camera frame.
 
@@ -39,7 +39,8 @@ class Lighting:
     @classmethod
     def from_log_radiance(cls, log_radiance: Float[np.ndarray, "size size 3"]) -> Self:
         """From the network's output Q: radiance e^Q (equation 2), in float32."""
-        return cls(np.exp(log_radiance.astype(np.float32)))
+        with np.errstate(over="ignore"):  # infinite radiance is refused like any other
+            return cls(np.exp(log_radiance.astype(np.float32)))
 
     @classmethod
     def from_latlong(

@@ -19,7 +19,7 @@ from deeplight.sphere import Rig, SphereView
 _ROWS_AT_A_TIME = 64  # keeps the working set in the processor's cache
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReflectanceBasis:
     """One sphere's basis images.
 

@@ -20,7 +20,7 @@ SPHERES = ("mirror", "matte_silver", "diffuse")
 CROP_SIZE = 32
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SphereView:
     """The ideal camera oriented at one sphere.
 
@@ -82,7 +82,7 @@ class SphereView:
         return turned(normals, camera_from_ball), turned(views, camera_from_ball)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rig:
     """The holder that keeps three spheres in front of a phone.
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import pickle
+import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -126,12 +127,47 @@ def test_values_are_frozen(value: object, field: str) -> None:
         reflectance.analytic_basis("diffuse", SphereView(size=8), 8).weights,
         mirror_ball.coverage(8),
         latlong.directions(4, 8),
+        harmonics.dominant_light(Lighting(ONES)).direction,
+        harmonics.dominant_light(Lighting(ONES)).irradiance,
     ],
-    ids=["radiance", "ball_from_camera", "alpha", "weights", "coverage", "latlong directions"],
+    ids=[
+        "radiance",
+        "ball_from_camera",
+        "alpha",
+        "weights",
+        "coverage",
+        "latlong directions",
+        "direction",
+        "irradiance",
+    ],
 )
 def test_arrays_that_are_kept_cannot_be_written_to(array: np.ndarray) -> None:
     with pytest.raises(ValueError, match="read-only"):
         array[...] = 0
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Lighting(ONES),
+        lambda: SphereView(frames.rotation("y", 0.3), 0.1, 8),
+        lambda: Rig.from_dict(PAPER_RIG.to_dict()),
+        lambda: reflectance.ReflectanceBasis(np.ones((16, 16)), SphereView(size=4), 4),
+        lambda: harmonics.dominant_light(Lighting(ONES)),
+    ],
+    ids=["Lighting", "SphereView", "Rig", "ReflectanceBasis", "DominantLight"],
+)
+def test_values_that_hold_arrays_are_equal_to_themselves_alone(make: Callable[[], object]) -> None:
+    one, other = make(), make()
+    assert one == one  # with arrays compared, this would raise
+    assert one != other
+    assert len({one, other}) == 2
+
+
+def test_too_bright_log_radiance_is_told_once_by_its_error() -> None:
+    too_bright = spoilt(200)
+    with warnings.catch_warnings(action="error"), pytest.raises(ShapeError):
+        Lighting.from_log_radiance(too_bright)
 
 
 def test_lighting_keeps_its_own_copy() -> None:

@@ -37,7 +37,7 @@ _FINE, _COARSE = 128, 64
 _FRAME_ROWS = round(BACKGROUND_HEIGHT / BACKGROUND_FRACTION)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
     """What one frame of a take gives.
 

@@ -33,7 +33,7 @@ class AugmentConfig:
     that knows few places from recognising them by their colours."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Inputs:
     """A batch ready for the network, on its device.
 
