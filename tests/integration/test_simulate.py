@@ -114,5 +114,6 @@ def test_a_missing_folder_is_one_clear_line(
     words = ["simulate", "--hdri", str(tmp_path / "no"), "--out", str(tmp_path / "data")]
     assert main(words) == 2
     error = capsys.readouterr().err
-    assert error.count("\n") == 1 and "folder of HDR panoramas" in error
+    assert error.count("\n") == 1
+    assert "folder of HDR panoramas" in error
     assert not (tmp_path / "data").exists()

@@ -49,7 +49,9 @@ def run(args: Args) -> None:
     seconds = time.perf_counter() - start
     sheet = write_contact_sheet(open_dataset(args.out), args.out / "contact_sheet.png")
     for split in manifest.splits:
-        console.print(f"{split}: {manifest.examples(split)} in {len(manifest.places(split))} places")
+        console.print(
+            f"{split}: {manifest.examples(split)} in {len(manifest.places(split))} places"
+        )
     for item in manifest.skipped:
         console.print(f"skipped {item.file}: {item.reason}", style="yellow")
     console.print(f"{missing / seconds:.0f} images/s; look at {sheet}")
