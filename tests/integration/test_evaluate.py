@@ -107,7 +107,7 @@ def test_who_knows_the_light_beats_who_does_not(data: DataSet) -> None:
     estimators: Sequence[measuring.BatchEstimator] = [knowing, *baselines_for(data, "val")]
     seen: list[int] = []
     report = measuring.evaluate(estimators, data, "val", progress=seen.append)
-    names = ["deeplight", "training_mean", "best_constant", "training_mean_hdr"]
+    names = ["deeplight", "mean_spheres", "best_constant", "training_mean"]
     names += ["photo_mean", "khan_2006"]
     assert list(report.scores) == [*names, "true_lighting"]
     assert sum(seen) == len(report.keys) == 79
@@ -147,7 +147,7 @@ def test_the_command_writes_tables_and_files(
     before = {path: path.read_bytes() for path in data.folder.glob("*.tar")}
     command.run(command.Args(data.folder, "val", None, tmp_path / "out"))
     shown = capsys.readouterr().out
-    names = ("deeplight", "training_mean", "best_constant", "photo_mean", "true_lighting")
+    names = ("deeplight", "mean_spheres", "best_constant", "photo_mean", "true_lighting")
     for text in ("val, indoor", "val, outdoor", "θ rgb", *names):
         assert text in shown
     files = sorted(path.name for path in (tmp_path / "out").iterdir())
@@ -165,7 +165,7 @@ def test_the_command_writes_tables_and_files(
         if (s["estimator"], s["scene"], s["metric"]) == ("deeplight", "both", "l1_diffuse")
     )
     assert both["mean"]["value"] == pytest.approx(np.mean(own), rel=1e-4)
-    assert both["ratio"]["training_mean"]["value"] < 0.1
+    assert both["ratio"]["mean_spheres"]["value"] < 0.1
     run_toml = tomllib.loads((tmp_path / "out" / "run.toml").read_text())
     assert run_toml["settings"]["split"] == "val"
     assert {path: path.read_bytes() for path in data.folder.glob("*.tar")} == before

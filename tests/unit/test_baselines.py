@@ -18,10 +18,10 @@ from deeplight.dataset import (
 )
 from deeplight.evaluate.baselines.best_constant import best_constant, constant_loss
 from deeplight.evaluate.baselines.khan_2006 import Khan2006
+from deeplight.evaluate.baselines.mean_spheres import mean_spheres
 from deeplight.evaluate.baselines.photo_mean import PhotoMean
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for, constant_baselines
 from deeplight.evaluate.baselines.training_mean import training_mean
-from deeplight.evaluate.baselines.training_mean_hdr import training_mean_hdr
 from deeplight.evaluate.baselines.training_pixels import RigPixels, training_pixels
 from deeplight.evaluate.metrics import masked_l1
 from deeplight.evaluate.run import rendered_radiance
@@ -91,18 +91,18 @@ def test_pixels_are_counted_by_rig(data: DataSet) -> None:
     np.testing.assert_allclose(rigs[0].mean_linear("diffuse"), mean, atol=1e-9)
 
 
-def test_the_training_mean_is_as_bright_as_the_mean_diffuse_sphere(data: DataSet) -> None:
+def test_the_mean_spheres_is_as_bright_as_the_mean_diffuse_sphere(data: DataSet) -> None:
     rigs = training_pixels(data)
-    q = training_mean(rigs[:1]).log_radiance
+    q = mean_spheres(rigs[:1]).log_radiance
     rendered = rendered_radiance(rigs[0].bases, q[None])["diffuse"][0]
     mask = PAPER_RIG.views["diffuse"].mask()
     filmed = rigs[0].mean_linear("diffuse").reshape(32, 32, 3)
     np.testing.assert_allclose(rendered[mask].sum(0), filmed[mask].sum(0), rtol=1e-3)
 
 
-def test_the_training_mean_has_its_lamp_where_the_lamp_is(data: DataSet) -> None:
+def test_the_mean_spheres_has_its_lamp_where_the_lamp_is(data: DataSet) -> None:
     """In the camera frame, though the mirror sphere was seen in its own frames."""
-    q = training_mean(training_pixels(data)).log_radiance
+    q = mean_spheres(training_pixels(data)).log_radiance
     brightest = np.where(DISC, q.sum(-1), -np.inf).argmax()
     direction = mirror_ball.pixel_directions(32).reshape(-1, 3)[brightest]
     towards = np.array([0.6, 0.7, 0.4]) / np.linalg.norm([0.6, 0.7, 0.4])
@@ -125,7 +125,7 @@ def test_the_counted_loss_is_the_loss_of_the_examples(data: DataSet) -> None:
 
 def test_no_other_constant_answers_training_better(data: DataSet) -> None:
     rigs = training_pixels(data)
-    start = training_mean(rigs).log_radiance
+    start = mean_spheres(rigs).log_radiance
     best = best_constant(rigs, start, steps=60).log_radiance
     loss = constant_loss(rigs, best)
     assert loss < 0.9 * constant_loss(rigs, start)
@@ -139,7 +139,7 @@ def test_no_other_constant_answers_training_better(data: DataSet) -> None:
 
 
 def test_the_mean_true_light_is_that_of_the_seen_split(data: DataSet) -> None:
-    found = training_mean_hdr(data)
+    found = training_mean(data)
     assert found is not None
     expected = np.mean([np.log(np.maximum(light(number), 1e-4)) for number in range(4)], axis=0)
     np.testing.assert_allclose(found.log_radiance, expected, atol=1e-5)
@@ -160,7 +160,7 @@ def test_constants_are_kept_beside_the_data_and_made_again_when_it_changed(
     first = constant_baselines(data)
     again = constant_baselines(data)
     assert len(calls) == 1
-    assert [b.name for b in first] == ["training_mean", "best_constant", "training_mean_hdr"]
+    assert [b.name for b in first] == ["mean_spheres", "best_constant", "training_mean"]
     for one, other in zip(first, again, strict=True):
         assert one.name == other.name
         np.testing.assert_array_equal(one.log_radiance, other.log_radiance)
@@ -179,9 +179,9 @@ def test_true_light_of_the_seen_split_is_no_baseline_for_the_seen_split(
 ) -> None:
     module = "deeplight.evaluate.baselines.suite"
     monkeypatch.setattr(f"{module}.best_constant", lambda p, q: best_constant(p, q, steps=2))
-    assert "training_mean_hdr" in [b.name for b in baselines_for(data, "val")]
+    assert "training_mean" in [b.name for b in baselines_for(data, "val")]
     for split in ("seen", "seen_indoor"):
-        assert "training_mean_hdr" not in [b.name for b in baselines_for(data, split)]
+        assert "training_mean" not in [b.name for b in baselines_for(data, split)]
 
 
 @pytest.mark.parametrize("value", [0, 1, 128, 255])

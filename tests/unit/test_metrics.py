@@ -176,7 +176,7 @@ def find(report: Report, estimator: str, scene: str, metric: str = "l1_diffuse")
 
 def test_means_by_scene_and_their_intervals() -> None:
     values = np.random.default_rng(0).uniform(0.1, 0.5, 60)
-    report = report_of(model=values, training_mean=values * 2)
+    report = report_of(model=values, mean_spheres=values * 2)
     both = find(report, "model", "both")
     assert (both.examples, both.undefined, both.places) == (60, 0, 6)
     assert both.mean.value == pytest.approx(values.mean())
@@ -190,11 +190,11 @@ def test_means_by_scene_and_their_intervals() -> None:
 def test_a_ratio_is_paired() -> None:
     """Twice the error everywhere is a ratio of exactly 2, however much the places differ."""
     values = np.random.default_rng(0).uniform(0.1, 0.5, 60)
-    ratio = find(report_of(model=values * 2, training_mean=values), "model", "both").ratio
-    assert ratio["training_mean"].value == pytest.approx(2)
-    assert ratio["training_mean"].low == pytest.approx(ratio["training_mean"].high)
-    twisted = report_of(model=values[::-1].copy(), training_mean=values)
-    other = find(twisted, "model", "both").ratio["training_mean"]
+    ratio = find(report_of(model=values * 2, mean_spheres=values), "model", "both").ratio
+    assert ratio["mean_spheres"].value == pytest.approx(2)
+    assert ratio["mean_spheres"].low == pytest.approx(ratio["mean_spheres"].high)
+    twisted = report_of(model=values[::-1].copy(), mean_spheres=values)
+    other = find(twisted, "model", "both").ratio["mean_spheres"]
     assert other.low < other.high
 
 
@@ -212,10 +212,10 @@ def test_undefined_values_are_left_out_and_counted() -> None:
     values = np.random.default_rng(0).uniform(0.1, 0.5, 60)
     holes = values.copy()
     holes[[3, 7]] = np.nan
-    found = find(report_of(model=holes, training_mean=values), "model", "both")
+    found = find(report_of(model=holes, mean_spheres=values), "model", "both")
     assert (found.examples, found.undefined) == (58, 2)
     assert found.mean.value == pytest.approx(np.delete(values, [3, 7]).mean())
-    assert found.ratio["training_mean"].value == pytest.approx(1)
+    assert found.ratio["mean_spheres"].value == pytest.approx(1)
     nothing = find(report_of(model=np.full(60, np.nan)), "model", "both")
     assert np.isnan(nothing.mean.value)
     assert nothing.undefined == 60

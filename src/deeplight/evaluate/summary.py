@@ -10,7 +10,7 @@ from deeplight.evaluate.run import Report
 
 RESAMPLES = 2000
 SEED = 0
-REFERENCES = ("training_mean", "best_constant", "training_mean_hdr")
+REFERENCES = ("training_mean", "best_constant", "mean_spheres")
 SCENES = ("indoor", "outdoor", "both")
 
 

@@ -26,7 +26,7 @@ def best_constant(
     to 0 as a cosine; the best of all steps is kept, so the result is never worse than `start`.
 
     Args:
-        start: ln radiance to begin at, for example `training_mean`'s.
+        start: ln radiance to begin at, for example `mean_spheres`'s.
     """
     spheres = [sphere for rig in rigs for sphere in _filmed_spheres(rig)]
     q = start.reshape(-1, 3).astype(np.float64)

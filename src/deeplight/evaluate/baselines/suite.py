@@ -12,22 +12,22 @@ from deeplight.dataset import GROUPS, DataSet, splits_named
 from deeplight.evaluate.baselines.baseline import Baseline, ConstantLighting
 from deeplight.evaluate.baselines.best_constant import best_constant
 from deeplight.evaluate.baselines.khan_2006 import Khan2006
+from deeplight.evaluate.baselines.mean_spheres import mean_spheres
 from deeplight.evaluate.baselines.photo_mean import PhotoMean
+from deeplight.evaluate.baselines.training_mean import NAME as MEAN_NAME
+from deeplight.evaluate.baselines.training_mean import SPLIT as MEAN_SPLIT
 from deeplight.evaluate.baselines.training_mean import training_mean
-from deeplight.evaluate.baselines.training_mean_hdr import NAME as HDR_NAME
-from deeplight.evaluate.baselines.training_mean_hdr import SPLIT as HDR_SPLIT
-from deeplight.evaluate.baselines.training_mean_hdr import training_mean_hdr
 from deeplight.evaluate.baselines.training_pixels import training_pixels
 from deeplight.io.atomic import replacing
 
 CACHE = ".constant-baselines.npz"
-VERSION = 1  # of the methods: another one makes the stored results stale
+VERSION = 2  # of the methods: another one makes the stored results stale
 
 
 def baselines_for(data: DataSet, split: str) -> list[Baseline]:
     """Give every baseline that is fair on `split`.
 
-    `training_mean_hdr` is made from the true light of the "seen" split, so it is left out there.
+    `training_mean` is made from the true light of the "seen" split, so it is left out there.
     A data set without a training split has only the baselines that need none.
 
     Raises:
@@ -35,12 +35,12 @@ def baselines_for(data: DataSet, split: str) -> list[Baseline]:
     """
     constants = constant_baselines(data) if data.manifest.examples("train") else []
     tested = set(splits_named(split))
-    fair = [c for c in constants if c.name != HDR_NAME or not tested & set(GROUPS[HDR_SPLIT])]
+    fair = [c for c in constants if c.name != MEAN_NAME or not tested & set(GROUPS[MEAN_SPLIT])]
     return [*fair, PhotoMean(), Khan2006()]
 
 
 def constant_baselines(data: DataSet) -> list[ConstantLighting]:
-    """Give `training_mean`, `best_constant` and, if it can be known, `training_mean_hdr`.
+    """Give `mean_spheres`, `best_constant` and, if it can be known, `training_mean`.
 
     The first call reads some thousand training examples; the result is stored in the data set's
     folder, if that can be written, and is made again when the data set has changed.
@@ -53,11 +53,11 @@ def constant_baselines(data: DataSet) -> list[ConstantLighting]:
     if stored is not None:
         return [ConstantLighting(name, log_radiance) for name, log_radiance in stored.items()]
     pixels = training_pixels(data)
-    mean = training_mean(pixels)
+    mean = mean_spheres(pixels)
     baselines = [mean, best_constant(pixels, mean.log_radiance)]
-    mean_hdr = training_mean_hdr(data)
-    if mean_hdr is not None:
-        baselines.append(mean_hdr)
+    true_mean = training_mean(data)
+    if true_mean is not None:
+        baselines.append(true_mean)
     with contextlib.suppress(OSError):  # a data set on a read-only disk: made again next time
         _save(data.folder / CACHE, made_of, baselines)
     return baselines
