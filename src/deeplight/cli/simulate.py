@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from deeplight.simulate.run import Recipe
@@ -43,9 +44,7 @@ def run(args: Args) -> None:
     start = time.perf_counter()
     with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
         task = bar.add_task("filming", total=missing)
-        manifest = simulate(
-            shards, simulation, args.workers or None, lambda n: bar.advance(task, n)
-        )
+        manifest = simulate(shards, simulation, args.workers, lambda n: bar.advance(task, n))
     seconds = time.perf_counter() - start
     sheet = write_contact_sheet(open_dataset(args.out), args.out / "contact_sheet.png")
     for split in manifest.splits:
@@ -53,5 +52,5 @@ def run(args: Args) -> None:
             f"{split}: {manifest.examples(split)} in {len(manifest.places(split))} places"
         )
     for item in manifest.skipped:
-        console.print(f"skipped {item.file}: {item.reason}", style="yellow")
+        console.print(escape(f"skipped {item.file}: {item.reason}"), style="yellow")
     console.print(f"{missing / seconds:.0f} images/s; look at {sheet}")

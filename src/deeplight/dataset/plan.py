@@ -16,6 +16,7 @@ from typing import Any
 
 from deeplight.dataset.example import Example
 from deeplight.dataset.manifest import (
+    MANIFEST,
     VERSION,
     Manifest,
     ShardRecord,
@@ -160,6 +161,15 @@ class ShardPlan:
         )
         manifest.save(self.folder)
         return manifest
+
+    def discard(self) -> None:
+        """Remove every file of the data set, and the folder if nothing else lies in it."""
+        shards = [self.folder / job.file for job in self.jobs]
+        own = [self.folder / MANIFEST, self.folder / PLAN, *shards, *map(index_path, shards)]
+        for path in own:
+            path.unlink(missing_ok=True)
+        if not any(self.folder.iterdir()):
+            self.folder.rmdir()
 
     def _is_finished(self, job: ShardJob) -> bool:
         shard = self.folder / job.file

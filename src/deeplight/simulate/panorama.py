@@ -21,6 +21,7 @@ UNKNOWN_LICENCE = "not stated"
 
 _HELD_OUT = {"val": "val_{}", "test": "unseen_{}"}
 _COLUMNS = ("file", "split", "place", "scene")
+_VALUES = {"split": ("train", *_HELD_OUT), "scene": ("indoor", "outdoor")}
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def places_in(folder: Path) -> list[Place]:
     is guessed from the light overhead.
 
     Raises:
-        DataSetError: no such folder, no panorama in it, or a manifest without its columns.
+        DataSetError: no such folder, no panorama in it, or a broken manifest.
     """
     if not folder.is_dir():
         raise DataSetError(
@@ -114,20 +115,27 @@ _CAPS = (slice(0, 10), slice(-10, None))
 
 
 def _listed(manifest: Path) -> Iterator[Place]:
-    with manifest.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    try:
+        with manifest.open(newline="", encoding="utf-8-sig") as file:  # as spreadsheets write it
+            rows = list(csv.DictReader(file))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataSetError(f"a CSV table in UTF-8 in {manifest}", f"{error}", "repair it") from None
     for row in rows:
         if any(not row.get(column) for column in _COLUMNS):
             raise DataSetError(
                 f"columns {', '.join(_COLUMNS)} in every row of {manifest}", f"{row}", "complete it"
             )
+        for column, allowed in _VALUES.items():
+            if row[column] not in allowed:
+                expected = f"{column} of {', '.join(allowed)} in {manifest}"
+                raise DataSetError(expected, f"{row[column]!r} for {row['file']}", "correct it")
         yield Place(
             manifest.parent / row["file"],
             row["place"],
             row["scene"],
             row["split"],
             row.get("licence") or UNKNOWN_LICENCE,
-            row.get("synthetic_ground", "").lower() == "true",
+            (row.get("synthetic_ground") or "").lower() in ("true", "yes", "1"),
         )
 
 

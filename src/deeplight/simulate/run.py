@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
@@ -20,13 +21,14 @@ from deeplight.dataset import (
     Skipped,
     plan_split,
 )
-from deeplight.errors import ConfigError, InputError
+from deeplight.errors import ConfigError, DataSetError, InputError
 from deeplight.simulate import panorama
 from deeplight.simulate.panorama import Place
 from deeplight.simulate.phone import PHONES
 from deeplight.simulate.take import Frame, film
 from deeplight.sphere import PAPER_RIG
 
+_UNSAFE = re.compile(r"[^A-Za-z0-9_-]")  # in names of takes; their numbers keep them apart
 _LONGEST_VISIT = 4  # takes filmed in a row in one place, so that it is read once for them all
 
 
@@ -61,11 +63,14 @@ class Recipe:
         return self.seen_takes if split.startswith("seen") else self.eval_takes
 
     def __post_init__(self) -> None:
-        counts = (self.train_takes, self.eval_takes, self.seen_takes)
-        if min(counts) < 0 or min(self.frames, self.shard_takes) < 1 or self.phone not in PHONES:
-            raise ConfigError(
-                f"counts of at least 0 and a phone of {', '.join(PHONES)}", f"{self}", "correct it"
-            )
+        least = {"train_takes": 0, "eval_takes": 0, "seen_takes": 0, "seed": 0}
+        least |= {"frames": 1, "shard_takes": 1}
+        for name, limit in least.items():
+            if getattr(self, name) < limit:
+                got = f"{getattr(self, name)}"
+                raise ConfigError(f"recipe.{name} of at least {limit}", got, "correct it")
+        if self.phone not in PHONES:
+            raise ConfigError(f"a phone of {', '.join(PHONES)}", self.phone, "choose one of these")
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,7 @@ class Simulation:
 
     def _take(self, split: str, place: Place, radiance: np.ndarray, take: int) -> Iterator[Example]:
         recipe = self.recipe
-        name = f"{place.path.stem}-{take:05d}"
+        name = f"{_UNSAFE.sub('_', place.path.stem)[:60]}-{take:05d}"
         rng = np.random.default_rng([recipe.seed, *split.encode(), *place.path.stem.encode(), take])
         phone = PHONES[recipe.phone]
         frames = film(radiance, phone, PAPER_RIG, recipe.frames, rng, place.synthetic_ground)
@@ -113,6 +118,7 @@ def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation
     """Decide every shard of the data set before anything is filmed.
 
     Raises:
+        ConfigError: the recipe films nothing in these panoramas.
         DataSetError: no panoramas, or `out` holds a data set of another recipe.
     """
     everything = panorama.places_in(folder)
@@ -135,6 +141,9 @@ def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation
             recipe.shard_takes * recipe.frames,
         )
     ]
+    if not jobs:
+        got = f"{len(usable)} panoramas with real ground and no takes in them"
+        raise ConfigError("something to film", got, "add panoramas, or raise recipe.*_takes")
     simulation = Simulation(recipe, {s: tuple(p) for s, p in places.items()}, left_out)
     rigs = {PAPER_RIG.name: PAPER_RIG.to_dict()}
     return ShardPlan.begin(out, jobs, rigs, _described(recipe, usable)), simulation
@@ -143,7 +152,7 @@ def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation
 def simulate(
     shards: ShardPlan,
     simulation: Simulation,
-    workers: int | None = None,
+    workers: int = 0,
     progress: Callable[[int], None] = lambda examples: None,
 ) -> Manifest:
     """Film every shard that is missing and write the manifest.
@@ -152,9 +161,16 @@ def simulate(
 
     Args:
         shards, simulation: from `plan`.
-        workers: processes; by default one per core. 1 films in this process.
+        workers: processes; 0 is one per core, 1 films in this process.
         progress: told the number of examples of each finished shard.
+
+    Raises:
+        ConfigError: less than 0 workers.
+        DataSetError: no panorama could be used; the data set is removed again.
+        OSError: the data set cannot be written; what is finished stays, to go on with.
     """
+    if workers < 0:
+        raise ConfigError("at least 0 workers", f"{workers}", "correct it")
     missing = shards.missing()
     workers = min(workers or os.cpu_count() or 1, len(missing))
     if workers <= 1:
@@ -162,7 +178,12 @@ def simulate(
             progress(_film_shard(shards, simulation, job))
     else:
         _film_in_parallel(shards, simulation, missing, workers, progress)
-    return shards.finish()
+    manifest = shards.finish()
+    if not any(manifest.examples(split) for split in manifest.splits):
+        shards.discard()  # else a run with the panoramas repaired would take it for finished
+        skipped = "; ".join(f"{item.file}: {item.reason}" for item in manifest.skipped)
+        raise DataSetError("at least one usable panorama", f"none ({skipped[:400]})", "repair them")
+    return manifest
 
 
 def _film_in_parallel(
