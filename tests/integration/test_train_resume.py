@@ -19,7 +19,7 @@ from deeplight.sphere import PAPER_RIG  # noqa: E402
 from deeplight.training import checkpoint, loop  # noqa: E402
 from deeplight.training.batches import BatchSource, ExampleBytes, Order  # noqa: E402
 from deeplight.training.config import TrainConfig, preset  # noqa: E402
-from deeplight.training.loop import train  # noqa: E402
+from deeplight.training.loop import BEST, train  # noqa: E402
 from deeplight.training.release import contract_of, load_best  # noqa: E402
 
 COUNTS = {"train": 12, "val_indoor": 3, "val_outdoor": 3}
@@ -205,3 +205,16 @@ def test_what_cannot_be_trained_is_refused(data, tmp_path):
         train(data, tmp_path, settings('data.validation_splits=["unseen_indoor"]'))
     with pytest.raises(ModelError):
         load_best(tmp_path)
+
+
+def test_a_run_can_start_from_the_weights_of_another(data, whole, tmp_path):
+    """Without steps of any size, what it validates is the old run's best network."""
+    still = settings("optimiser.learning_rate=0.0", "schedule.steps=1", "run.validate_every=1")
+    train(data, tmp_path / "new", still, weights=whole / BEST)
+    old, new = (load_best(folder)[0] for folder in (whole, tmp_path / "new"))
+    for (name, before), after in zip(old.named_parameters(), new.parameters(), strict=True):
+        if name == "decoder.up3.weight":  # no batch norm to drift
+            torch.testing.assert_close(before, after)
+    other = settings("network.latent_size=128", "schedule.steps=1")
+    with pytest.raises(ModelError, match="same `network`"):
+        train(data, tmp_path / "other", other, weights=whole / BEST)

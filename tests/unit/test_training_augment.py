@@ -78,3 +78,19 @@ def test_exposure_changes_photo_and_spheres_alike_and_clips_at_white():
     torch.testing.assert_close(new.photo[:, :, 0, 0] + 0.5, new.spheres[:, 0, :, 0])
     assert new.photo.max() <= 0.5
     assert len(new.photo[:, 0, 0, 0].unique()) > 2
+
+
+def test_shuffled_channels_are_those_of_the_example_in_photo_and_spheres_alike(inputs):
+    torch.manual_seed(0)
+    new = augment(inputs, AugmentConfig(flip=False, channel_shuffle=1.0))
+    changed = 0
+    for photo, spheres, old_photo, old_spheres in zip(
+        new.photo, new.spheres, inputs.photo, inputs.spheres, strict=True
+    ):
+        order = [int(torch.all(old_photo == channel, dim=(1, 2)).nonzero()[0]) for channel in photo]
+        assert sorted(order) == [0, 1, 2]
+        torch.testing.assert_close(spheres, old_spheres[:, order])
+        changed += order != [0, 1, 2]
+    assert 8 <= changed <= 16  # one in six orders is the old one
+    some = augment(inputs, AugmentConfig(flip=False, channel_shuffle=0.3))
+    assert (some.photo == inputs.photo).flatten(1).all(1).sum() >= 6

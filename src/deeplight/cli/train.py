@@ -25,6 +25,8 @@ class Args:
     """paper, small (two CPU cores) or gpu; with -m, -s or -d only that sphere teaches."""
     imagenet: Path | None = None
     """Folded MobileNetV2 weights (.npz) that the encoder starts from."""
+    weights: Path | None = None
+    """best.safetensors of an earlier run of the same network that this one starts from."""
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """Change one setting of the preset: --set schedule.steps=500; repeat for more."""
     minutes: float = 0.0
@@ -42,7 +44,7 @@ def run(args: Args) -> None:
     settings = (*args.set, f"run.time_limit_minutes={args.minutes}")
     config = preset(args.preset, settings)
     with TrainProgress() as progress:
-        train(args.data, args.out, config, args.imagenet, progress.show)
+        train(args.data, args.out, config, args.imagenet, progress.show, args.weights)
     if args.export is not None:
         export_run(args.out, args.export, data=args.data.name)
 

@@ -66,7 +66,7 @@ PAPER = TrainConfig()
 # was chosen on the validation places; docs/results.md has the measurements.
 SMALL = TrainConfig(
     network=NetworkConfig(latent_dropout=0.3),
-    loss=LossConfig(mirror=0.4, matte_silver=0.2, diffuse=0.4),
+    loss=LossConfig(mirror=0.4, matte_silver=0.2, diffuse=0.4, mirror_rim=True),
     optimiser=OptimiserConfig(
         learning_rate=1e-3,
         weight_decay=0.05,
@@ -119,7 +119,7 @@ def preset(name: str, settings: Sequence[str] = ()) -> TrainConfig:
     """A preset with settings such as "optimiser.learning_rate=3e-4" changed.
 
     Raises:
-        ConfigError: no such preset or key, or a value of another type.
+        ConfigError: no such preset or key, or a value of another type or below its least.
     """
     if name not in PRESETS:
         raise ConfigError(f"a preset of {', '.join(PRESETS)}", name, "choose one of these")
@@ -169,6 +169,9 @@ def coerced(key: str, value: Any, section: Any, name: str) -> Any:
     expected = int if optional else type(default)
     if type(value) is not expected and not (optional and value is None):
         raise ConfigError(f"{key} as {expected.__name__}", repr(value), "change the value")
+    least = 1 if key == "schedule.batch_size" else 0
+    if isinstance(value, int | float) and not value >= least:
+        raise ConfigError(f"{key} of at least {least}", repr(value), "change the value")
     return value
 
 

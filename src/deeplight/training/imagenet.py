@@ -1,5 +1,7 @@
 """ImageNet weights for the encoder, from an `.npz` with batch norm folded into the convolutions."""
 
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +25,9 @@ def load_imagenet(encoder: MobileNetV2Encoder, path: Path, photos: Tensor | None
     batch's statistics are those of the photos).
 
     Raises:
-        ModelError: the file lacks a layer, has another shape, or batch norm has no photos.
+        OSError: there is no such file, or reading it is not permitted.
+        ModelError: the file is damaged, lacks a layer or has another shape, or batch norm has no
+            photos.
     """
     arrays = read_folded(path)
     folded = MobileNetV2Encoder("none")
@@ -42,13 +46,18 @@ def load_imagenet(encoder: MobileNetV2Encoder, path: Path, photos: Tensor | None
 
 
 def read_folded(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of the `.npz`, by name."""
+    """The arrays of the `.npz`, by name.
+
+    Raises:
+        OSError: there is no such file, or reading it is not permitted.
+        ModelError: it is no .npz, or damaged.
+    """
     try:
         with np.load(path, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
-    except (ValueError, OSError) as error:
-        if isinstance(error, FileNotFoundError | PermissionError):
-            raise
+    except (FileNotFoundError, PermissionError):
+        raise
+    except (ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise ModelError("an .npz of MobileNetV2 weights", str(path), "check the file") from error
 
 

@@ -14,14 +14,14 @@ import torch
 from torch import Tensor, nn
 
 from deeplight.dataset import DataSet, open_dataset
-from deeplight.errors import ConfigError
+from deeplight.errors import ConfigError, ModelError
 from deeplight.io.atomic import replacing
 from deeplight.io.run_record import write_run_toml
 from deeplight.sphere import SPHERES
 from deeplight.training import checkpoint
 from deeplight.training.augment import Inputs, augment, prepare, turn_back
 from deeplight.training.batches import Batch, BatchSource, ExampleBytes, Order
-from deeplight.training.config import TrainConfig, differences, flatten
+from deeplight.training.config import RunConfig, TrainConfig, differences, flatten
 from deeplight.training.constant import fit_log_radiance
 from deeplight.training.generator import PHOTO_SIZE, Generator, Orientation
 from deeplight.training.imagenet import load_imagenet
@@ -62,17 +62,19 @@ def train(
     config: TrainConfig,
     imagenet: Path | None = None,
     watch: Watch | None = None,
+    weights: Path | None = None,
 ) -> list[SphereErrors]:
     """Train into `run_dir`, or go on where its newest checkpoint stopped.
 
-    `imagenet` initialises the encoder of a new run. Gives the errors of the last validation.
+    A new run's encoder starts from `imagenet`, or its whole network from `weights`, the
+    best.safetensors of an earlier run. Gives the errors of the last validation.
 
     Raises:
         DataSetError: the data set is missing, broken or without the splits the settings name.
         ConfigError: `run_dir` holds a run with other settings or data; the loss is not finite.
         ModelError: the ImageNet weights or the checkpoint cannot be read.
     """
-    run = Run(open_dataset(data_dir), run_dir, config, imagenet)
+    run = Run(open_dataset(data_dir), run_dir, config, imagenet, weights)
     try:
         return run.to_the_end(watch or (lambda _: None))
     finally:
@@ -83,19 +85,22 @@ class Run:
     """One run: its network, optimiser, data and record."""
 
     def __init__(
-        self, data: DataSet, run_dir: Path, config: TrainConfig, imagenet: Path | None
+        self,
+        data: DataSet,
+        run_dir: Path,
+        config: TrainConfig,
+        imagenet: Path | None = None,
+        weights: Path | None = None,
     ) -> None:
         self.run_dir, self.config, self.manifest = run_dir, config, data.manifest_sha256
         resumed = checkpoint.latest(run_dir)
         saved = checkpoint.load(resumed) if resumed else None
         if saved:
             refuse_other_run(saved[0], config, self.manifest, run_dir)
-        self.fabric = Fabric(
-            accelerator=config.run.accelerator, devices=1, precision=config.run.precision
-        )
+        self.fabric = fabric(config.run)
         self.device: torch.device = self.fabric.device
         self.read_data(data)
-        self.build_network(None if saved else imagenet)
+        self.build_network(None if saved or weights else imagenet, None if saved else weights)
         self.step, self.best_score = 0, float("inf")
         if saved:
             self.restore(*saved)
@@ -106,6 +111,7 @@ class Run:
             "examples": len(self.examples),
             "steps": self.total,
             "imagenet": str(imagenet or ""),
+            "weights": str(weights or ""),
             "resumed_at": self.step,
             "device": device_name(self.device),
         }
@@ -116,7 +122,10 @@ class Run:
         """Open the splits; decode what is held in memory."""
         config = self.config.data
         names = list(data.rigs)
-        self.bases = RigBases.from_rigs(list(data.rigs.values())).to(self.device)
+        rigs = list(data.rigs.values())
+        rim = self.config.loss.mirror_rim
+        self.bases = RigBases.from_rigs(rigs, mirror_rim=rim).to(self.device)
+        judged_by = RigBases.from_rigs(rigs).to(self.device)
         index = data.index(config.train_split)
         self.examples = ExampleBytes(index, names)
         refuse_other_size(self.examples, self.config.network.orientation)
@@ -129,17 +138,19 @@ class Run:
             )
             for split in config.validation_splits
         }
-        self.validation = Validation(tables, self.bases, self.device)
+        self.validation = Validation(tables, judged_by, self.device)
         self.total = self.config.schedule.total_steps(len(index))
 
-    def build_network(self, imagenet: Path | None) -> None:
-        """The generator and what moves it, from the seed and, for a new run, ImageNet's weights."""
+    def build_network(self, imagenet: Path | None, weights: Path | None) -> None:
+        """The generator and what moves it, from the seed and what a new run starts from."""
         config = self.config
         torch.manual_seed(config.run.seed)
         self.generator = Generator(config.network, config.optimiser.freeze_blocks)
         if imagenet is not None:
             some = some_of(self.examples, CALIBRATION_PHOTOS, config.data.workers)
             load_imagenet(self.generator.encoder, imagenet, prepare(*some).photo)
+        if weights is not None:
+            load_weights(self.generator, weights)
         # Photos arrive colour-last in memory; convolutions are fastest when weights are too.
         self.generator.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.optimiser = make_optimiser(self.generator, config.optimiser)
@@ -327,6 +338,31 @@ def refuse_other_size(examples: ExampleBytes, orientation: Orientation) -> None:
             f"{height} x {width}",
             "choose the other orientation",
         )
+
+
+def fabric(config: RunConfig) -> Fabric:
+    """Fabric on one device; a ConfigError where this machine has no such accelerator."""
+    try:
+        return Fabric(accelerator=config.accelerator, devices=1, precision=config.precision)
+    except (ValueError, RuntimeError) as error:  # of Fabric's own checks
+        raise ConfigError("an accelerator of this machine", str(error), "use auto or cpu") from None
+
+
+def load_weights(generator: Generator, path: Path) -> None:
+    """Start a network from the weights of an earlier run of the same shape.
+
+    Raises:
+        ModelError: the file cannot be read, or is of another network.
+    """
+    _, states = checkpoint.load(path)
+    try:
+        generator.load_state_dict(states["generator"])
+    except (KeyError, RuntimeError) as error:
+        raise ModelError(
+            "weights of a network with the same `network` settings",
+            f"{path} of another",
+            "give the best.safetensors of such a run, or its settings",
+        ) from error
 
 
 def step_seed(seed: int, step: int) -> int:
