@@ -173,13 +173,14 @@ def test_the_command_writes_tables_and_files(
 
 
 @pytest.mark.usefixtures("knowing")
-def test_a_split_the_data_set_lacks_is_told(data: DataSet) -> None:
+def test_a_split_the_data_set_lacks_is_told(data: DataSet, tmp_path: Path) -> None:
     with pytest.raises(DataSetError, match="test"):
         command.run(command.Args(data.folder, "test"))
     with pytest.raises(DataSetError, match="choose one of"):
         command.run(command.Args(data.folder, "holdout"))
     with pytest.raises(ConfigError, match="at least 1 example"):
-        command.run(command.Args(data.folder, "val", examples=0))
+        command.run(command.Args(data.folder, "val", None, tmp_path / "out", examples=0))
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.usefixtures("knowing")

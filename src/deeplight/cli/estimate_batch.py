@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from deeplight.estimate.results import write_results
 from deeplight.estimate.sources import Source, find_sources
 from deeplight.export.orientation import TOOLS
 from deeplight.export.webxr import light_estimate
+from deeplight.io.atomic import results_folder
 from deeplight.io.lighting_file import Turn
 
 
@@ -53,7 +53,7 @@ class Batch:
         """
         sources, failures = find_sources(paths, self.out)
         total = len(sources) + len(failures)
-        with _folder(self.out), _Talk(show_bar=total > 1) as talk:
+        with results_folder(self.out), _Talk(show_bar=total > 1) as talk:
             for failure in failures:
                 talk.complain(failure, silent=total == 1)
             for source in talk.track(sources):
@@ -164,15 +164,3 @@ def _told(error: InputError | OSError) -> str:
     if isinstance(error, OSError) and error.strerror is not None:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return str(error)
-
-
-@contextmanager
-def _folder(out: Path) -> Iterator[None]:
-    """Make the folder of the results; take it away again if nothing came into it."""
-    made = not out.exists()
-    out.mkdir(parents=True, exist_ok=True)
-    try:
-        yield
-    finally:
-        if made and not any(out.iterdir()):
-            out.rmdir()

@@ -6,10 +6,11 @@ Prints masked L1 of the spheres, colour angle and relative radiance error of the
 --out it also writes results.json, results.csv (every example), percentiles.png and run.toml.
 """
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
+import rich
 from rich.progress import Progress
 
 
@@ -38,23 +39,22 @@ def run(args: Args) -> None:
     from deeplight.evaluate.run import BatchEstimator, evaluate
     from deeplight.evaluate.summary import summarise
     from deeplight.evaluate.tables import ratio_table, terminal_tables
+    from deeplight.io.atomic import results_folder
 
     data = open_dataset(args.data)
-    data.index(args.split)  # a wrong split is told before any work
+    of_split = len(data.index(args.split))  # a wrong split is told before any work
     model = OnnxEstimator(args.model)
-    if args.out is not None:
-        args.out.mkdir(parents=True, exist_ok=True)  # no permission is told before any work too
-    console = Console()
-    with console.status("constant baselines from the training split"):
-        estimators: list[BatchEstimator] = [model, *baselines_for(data, args.split)]
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("measuring", total=args.examples or len(data.index(args.split)))
-        report = evaluate(
-            estimators, data, args.split, args.examples, lambda n: bar.advance(task, n)
-        )
-    summaries = summarise(report)
-    ratios = ratio_table(summaries, args.split, model.name)
-    console.print(*terminal_tables(summaries, args.split), ratios)
-    if args.out is not None:
-        told = {"trained_on": model.contract.trained_on, "sha256": model.sha256}
-        write_files(args.out, report, summaries, data, estimators, told)
+    with results_folder(args.out) if args.out else nullcontext():  # so is a missing permission
+        with Progress(transient=True) as bar:
+            task = bar.add_task("constant baselines from the training split", total=None)
+            estimators: list[BatchEstimator] = [model, *baselines_for(data, args.split)]
+            bar.update(task, description="measuring", total=args.examples or of_split)
+            report = evaluate(
+                estimators, data, args.split, args.examples, lambda n: bar.advance(task, n)
+            )
+        summaries = summarise(report)
+        ratios = ratio_table(summaries, args.split, model.name)
+        rich.print(*terminal_tables(summaries, args.split), ratios)
+        if args.out is not None:
+            told = {"trained_on": model.contract.trained_on, "sha256": model.sha256}
+            write_files(args.out, report, summaries, data, estimators, told)

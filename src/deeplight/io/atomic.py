@@ -1,4 +1,4 @@
-"""Write a file whole or not at all."""
+"""Write a file whole or not at all, and no folder for nothing."""
 
 import secrets
 from collections.abc import Iterator
@@ -28,3 +28,19 @@ def replacing(path: Path | str) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def results_folder(path: Path) -> Iterator[None]:
+    """Make the folder of the results; take it away again if nothing came into it.
+
+    Raises:
+        OSError: it cannot be made, before any work starts.
+    """
+    made = not path.exists()
+    path.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        if made and not any(path.iterdir()):
+            path.rmdir()

@@ -54,7 +54,7 @@ def read_folded(path: Path) -> dict[str, np.ndarray]:
     """
     try:
         with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+            return {name: np.asarray(arrays[name]) for name in arrays.files}
     except (FileNotFoundError, PermissionError):
         raise
     except (ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:

@@ -1,0 +1,72 @@
+"""`deeplight train` with what cannot be trained on: one line, exit 2, no folder."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from deeplight.cli.main import main
+from deeplight.errors import ConfigError, ModelError
+from deeplight.training.config import RunConfig, preset
+from deeplight.training.imagenet import read_folded
+from deeplight.training.loop import fabric
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((), "no such folder"),
+        (("--preset", "largest"), "largest"),
+        (("--minutes", "-1"), "time_limit_minutes of at least 0"),
+        (("--set", "schedule.batch_size=0"), "batch_size of at least 1"),
+        (("--set", "optimiser.learning_rate=nan"), "learning_rate of at least 0"),
+        (("--set", "schedule.speed=9"), "schedule.speed"),
+    ],
+)
+def test_bad_words_are_one_line_and_no_folder(tmp_path, capfd, words, told):
+    out = tmp_path / "run"
+    assert main(["train", "--data", str(tmp_path / "no"), "--out", str(out), *words]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("deeplight train: expected ")
+    assert told in line
+    assert not out.exists()
+
+
+def imagenet_file(kind: str, folder: Path) -> Path:
+    path = folder / "weights.npz"
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "text":
+        path.write_text("no weights")
+    elif kind == "zero bytes":
+        path.write_bytes(b"")
+    elif kind == "one array":
+        with path.open("wb") as file:
+            np.save(file, np.ones(3))
+    else:
+        np.savez(path, a=np.arange(1000.0))
+        whole = bytearray(path.read_bytes())
+        whole[500:600] = bytes(100)
+        path.write_bytes(whole[:2000] if kind == "truncated" else whole)
+    return path
+
+
+@pytest.mark.parametrize(
+    "kind", ["folder", "text", "zero bytes", "one array", "truncated", "damaged"]
+)
+def test_a_wrong_imagenet_file_is_told(tmp_path, kind):
+    with pytest.raises(ModelError, match=r"weights\.npz"):
+        read_folded(imagenet_file(kind, tmp_path))
+
+
+def test_a_missing_imagenet_file_is_the_systems_error(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        read_folded(tmp_path / "no.npz")
+
+
+def test_an_accelerator_that_is_not_there_is_told():
+    with pytest.raises(ConfigError, match="accelerator"):
+        fabric(RunConfig(accelerator="quantum"))
+    assert preset("small", ["run.accelerator=cpu"]).run.accelerator == "cpu"
