@@ -4,6 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from safetensors import SafetensorError  # noqa: E402
 from torch import nn  # noqa: E402
 
 from deeplight.errors import ModelError  # noqa: E402
@@ -87,3 +88,14 @@ def test_without_decay_the_average_is_the_network():
     average.update(network, step=1)
     for name, value in network.state_dict().items():
         assert torch.equal(average.state[name], value)
+
+
+def test_a_checkpoint_that_cannot_be_written_is_the_systems_error(tmp_path, monkeypatch):
+    def full(tensors, path, metadata):
+        path.write_bytes(b"half")
+        raise SafetensorError("No space left on device")
+
+    monkeypatch.setattr(checkpoint, "save_file", full)
+    with pytest.raises(OSError, match="No space left"):
+        checkpoint.save(tmp_path / "c.safetensors", HEADER, network={"a": torch.zeros(1)})
+    assert list(tmp_path.iterdir()) == []

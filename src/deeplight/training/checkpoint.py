@@ -42,14 +42,21 @@ class Header:
 
 
 def save(path: Path, header: Header, **states: dict[str, Tensor]) -> None:
-    """Write named groups of tensors, such as model=..., average=..., optimiser=..."""
+    """Write named groups of tensors, such as model=..., average=..., optimiser=..., whole or not.
+
+    Raises:
+        OSError: the disk is full, or writing is not permitted.
+    """
     tensors = {
         f"{group}/{name}": tensor.detach().contiguous().cpu()
         for group, state in states.items()
         for name, tensor in state.items()
     }
     with replacing(path) as temporary:
-        save_file(tensors, temporary, metadata={"deeplight.run": header.to_json()})
+        try:
+            save_file(tensors, temporary, metadata={"deeplight.run": header.to_json()})
+        except safetensors.SafetensorError as error:  # its own name for the system's errors
+            raise OSError(f"cannot write {path}: {error}") from error
 
 
 def load(path: Path) -> tuple[Header, dict[str, dict[str, Tensor]]]:
