@@ -6,6 +6,8 @@ DATA ?= data/sim
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
+# Without it PyPI's build for Linux would bring gigabytes of CUDA; the tests need none of it.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 EXTRAS := capture,dev,heic,render,train
 
 # The tests run in $(JOBS) processes; without this each would start a thread per core.
@@ -61,5 +63,7 @@ $(VENV)/.installed-base: pyproject.toml | $(VENV)/.created
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml constraints.txt | $(VENV)/.created
+	$(PIP) install --quiet --no-deps --retries 1 --extra-index-url "$(TORCH_INDEX)" \
+		torch --constraint constraints.txt
 	$(PIP) install --quiet --editable ".[$(EXTRAS)]" --constraint constraints.txt
 	@touch $@ $(VENV)/.installed-base
