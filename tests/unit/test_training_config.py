@@ -10,6 +10,7 @@ pytest.importorskip("torch")
 
 from deeplight.errors import ConfigError
 from deeplight.io.run_record import write_run_toml
+from deeplight.sphere import SPHERES
 from deeplight.training.config import PRESETS, differences, flatten, preset
 from deeplight.training.optimiser import ScheduleConfig
 
@@ -44,9 +45,9 @@ def test_the_paper_preset_has_the_papers_numbers():
 )
 def test_an_ablation_is_taught_by_one_sphere(name, sphere):
     for base in ("paper", "small", "gpu"):
-        values = flatten(PRESETS[f"{base}-{name}"])
-        assert {k: v for k, v in values.items() if k.startswith("loss.") and v == 1.0} == {
-            f"loss.{sphere}": 1.0
+        weights = PRESETS[f"{base}-{name}"].loss.weights()
+        assert dict(zip(SPHERES, weights, strict=True)) == {
+            other: float(other == sphere) for other in SPHERES
         }
 
 
