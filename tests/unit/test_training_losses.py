@@ -160,12 +160,3 @@ def test_total_is_the_weighted_sum(bases, random):
         for name, value in terms.reported.items()
     )
     assert terms.total().item() == pytest.approx(float(expected), rel=1e-6)
-
-
-def test_the_rim_joins_the_mirror_alone():
-    plain, rim = (RigBases.from_rigs([PAPER_RIG], mirror_rim=r).mask[0] for r in (False, True))
-    mirror, *others = (rim - plain).sum(1).tolist()
-    assert mirror == (PAPER_RIG.views["mirror"].alpha() >= 0.5).sum() - plain[0].sum()
-    assert mirror > 50
-    assert others == [0, 0]
-    assert ((rim - plain) >= 0).all()

@@ -66,7 +66,7 @@ PAPER = TrainConfig()
 # was chosen on the validation places; docs/results.md has the measurements.
 SMALL = TrainConfig(
     network=NetworkConfig(latent_dropout=0.3),
-    loss=LossConfig(mirror=0.4, matte_silver=0.2, diffuse=0.4, mirror_rim=True),
+    loss=LossConfig(mirror=0.4, matte_silver=0.2, diffuse=0.4),
     optimiser=OptimiserConfig(
         learning_rate=1e-3,
         weight_decay=0.05,

@@ -122,10 +122,7 @@ class Run:
         """Open the splits; decode what is held in memory."""
         config = self.config.data
         names = list(data.rigs)
-        rigs = list(data.rigs.values())
-        rim = self.config.loss.mirror_rim
-        self.bases = RigBases.from_rigs(rigs, mirror_rim=rim).to(self.device)
-        judged_by = RigBases.from_rigs(rigs).to(self.device)
+        self.bases = RigBases.from_rigs(list(data.rigs.values())).to(self.device)
         index = data.index(config.train_split)
         self.examples = ExampleBytes(index, names)
         refuse_other_size(self.examples, self.config.network.orientation)
@@ -138,7 +135,7 @@ class Run:
             )
             for split in config.validation_splits
         }
-        self.validation = Validation(tables, judged_by, self.device)
+        self.validation = Validation(tables, self.bases, self.device)
         self.total = self.config.schedule.total_steps(len(index))
 
     def build_network(self, imagenet: Path | None, weights: Path | None) -> None:

@@ -41,11 +41,6 @@ class LossConfig:
     reduction: Reduction = "mean"
     """Over masked pixels and channels of one sphere; over examples it is always the mean."""
 
-    mirror_rim: bool = False
-    """Let the mirror teach with pixels that its edge cuts through, too. No other pixel shows what
-    lies just behind the sphere; without them a network may hide light there. What such a pixel
-    shows past the edge is nearly what the edge reflects."""
-
     def weights(self) -> tuple[float, ...]:
         """One weight per sphere in the order of SPHERES."""
         return tuple(float(getattr(self, name)) for name in SPHERES)
@@ -67,21 +62,13 @@ class RigBases(nn.Module):
         self.register_buffer("mask", mask.float(), persistent=False)
 
     @classmethod
-    def from_rigs(
-        cls, rigs: Sequence[Rig], light_size: int = 32, mirror_rim: bool = False
-    ) -> "RigBases":
-        """The analytic bases of `rigs`; the index of a rig here is its place in the sequence.
-
-        The masks are those of the metrics; see `LossConfig.mirror_rim` for the exception.
-        """
+    def from_rigs(cls, rigs: Sequence[Rig], light_size: int = 32) -> "RigBases":
+        """The analytic bases of `rigs`; the index of a rig here is its place in the sequence."""
         basis, mask = [], []
         for rig in rigs:
             bases = rig_bases(rig, light_size)
             basis.append(np.stack([bases[name].weights for name in SPHERES]))
-            masks = {name: view.mask() for name, view in rig.views.items()}
-            if mirror_rim:
-                masks["mirror"] = rig.views["mirror"].alpha() >= 0.5
-            mask.append(np.stack([masks[name].reshape(-1) for name in SPHERES]))
+            mask.append(np.stack([rig.views[name].mask().reshape(-1) for name in SPHERES]))
         return cls(torch.from_numpy(np.stack(basis)), torch.from_numpy(np.stack(mask)))
 
     def render(
