@@ -1,6 +1,7 @@
 """The exported file computes what torch computes, and says how to call it."""
 
 import copy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -91,3 +92,17 @@ def test_a_weight_beyond_half_precision_is_refused(model):
     name.CopyFrom(onnx.numpy_helper.from_array(values, name.name))
     with pytest.raises(ModelError, match="65504"):
         store_as_float16(broken)
+
+
+def test_a_model_file_tells_nothing_of_the_machine_that_made_it(files):
+    for path in files.values():
+        content = path.read_bytes()
+        assert b"mobilenet_v2.py" not in content
+        assert b"stack_trace" not in content
+        assert str(Path(__file__).parents[2]).encode() not in content
+
+
+def test_the_shipped_model_tells_nothing_of_it_either(root):
+    content = (root / "src" / "deeplight" / "weights" / "deeplight.onnx").read_bytes()
+    assert b".py" not in content
+    assert b"stack_trace" not in content

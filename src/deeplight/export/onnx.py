@@ -46,6 +46,7 @@ def export_onnx(
 
 def write_model(model: ModelProto, contract: ModelContract, path: Path, float16: bool) -> None:
     """Write a traced network and its contract; see `export_onnx`. Changes `model`."""
+    remove_traces(model)
     if float16:
         store_as_float16(model)
     entry = model.metadata_props.add()
@@ -78,6 +79,14 @@ def traced(generator: nn.Module, contract: ModelContract) -> ModelProto:
     if program is None:
         raise ModelError("a network that can be exported", type(generator).__name__, "report this")
     return program.model_proto
+
+
+def remove_traces(model: ModelProto) -> None:
+    """Take out what the exporter noted of this machine: source paths and stack traces, per node."""
+    graph = model.graph
+    for part in (model, graph, *graph.node, *graph.value_info, *graph.initializer):
+        part.ClearField("doc_string")
+        part.ClearField("metadata_props")
 
 
 def store_as_float16(model: ModelProto) -> None:
