@@ -14,14 +14,12 @@ REFLECTIVITY = {"mirror": 0.827, "matte_silver": 0.644, "diffuse": 0.345}
 # Roughness (GGX alpha) of the matte silver finish: our choice, the paper photographs it.
 MATTE_SILVER_ROUGHNESS = 0.3
 
-Vectors = Float[np.ndarray, "*#batch 3"]
-Weights = Float[np.ndarray, "*batch"]
 Cosines = Float[np.ndarray, "*#cosines"]
 
 
-def lambertian(normals: Vectors, lights: Vectors) -> Weights:
-    """Cosine of a perfect diffuser with reflectivity 1: max(0, n.l) / pi."""
-    return np.maximum((normals * lights).sum(-1), 0) / np.pi
+def lambertian(n_l: Cosines) -> Cosines:
+    """A perfect diffuser with reflectivity 1: max(0, n.l) / pi."""
+    return np.maximum(n_l, 0) / np.pi
 
 
 def rough_specular(

@@ -13,6 +13,8 @@ from deeplight.errors import ShapeError
 
 GAMMA = 2.2  # section 3.4
 SOFT_CLIP_N = 40.0  # equation 3
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB (ITU-R BT.709)
+LUMINANCE.setflags(write=False)
 
 Values = Float[np.ndarray, "*batch"]
 

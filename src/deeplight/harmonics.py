@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Float
 
 from deeplight import mirror_ball
+from deeplight.camera_response import LUMINANCE
 from deeplight.lighting import Lighting
 
 CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1], np.float32)
 _LAMBERT = np.pi * np.array([1.0] + [2 / 3] * 3 + [1 / 4] * 5)  # the cosine kernel per order
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB (ITU-R BT.709)
 
 Coefficients = Float[np.ndarray, "9 3"]
 
@@ -92,14 +92,14 @@ def dominant_light(lighting: Lighting, cone_rad: float = 0.35) -> DominantLight:
     directions = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)
     solid_angle = mirror_ball.solid_angles(lighting.size).reshape(-1, 1)
     radiance = lighting.radiance.reshape(-1, 3)
-    luminance = radiance @ _LUMINANCE
+    luminance = radiance @ LUMINANCE
     near = directions @ directions.T > np.cos(cone_rad)
     peak = int((near @ (luminance * solid_angle[:, 0])).argmax())
     cone = near[peak]
     outside = solid_angle * ~cone[:, None]
     ambient = (radiance * outside).sum(0) / outside.sum()
     excess = np.where(cone[:, None], np.maximum(radiance - ambient, 0), 0)
-    power = (excess @ _LUMINANCE) * solid_angle[:, 0]
+    power = (excess @ LUMINANCE) * solid_angle[:, 0]
     total = power.sum()
     toward = power @ directions if total > 0 else directions[peak]
     toward = toward / np.linalg.norm(toward)

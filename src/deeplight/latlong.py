@@ -37,7 +37,7 @@ def position(
 
 
 def solid_angles(height: int, width: int) -> Float[np.ndarray, "height width"]:
-    """Solid angle of every pixel in sr, exact for its band; they sum to 4 pi."""
+    """Solid angle of every pixel in sr, exact for its band; they sum to 4 pi (read-only)."""
     edges = np.cos(np.arange(height + 1) * (np.pi / height))
     band = (edges[:-1] - edges[1:]) * (2 * np.pi / width)
-    return np.repeat(band[:, None], width, axis=1)
+    return np.broadcast_to(band[:, None], (height, width))

@@ -93,7 +93,7 @@ def _mirror(view: SphereView, light_size: int) -> np.ndarray:
 def _diffuse(view: SphereView, light_size: int) -> np.ndarray:
     directions, solid_angle = _light_samples(light_size)
     normals = _by_sample(view.normals(2), 2)
-    weights = sum(np.maximum(n @ directions.T, 0) for n in normals) * (solid_angle / 4 / np.pi)
+    weights = sum(brdf.lambertian(n @ directions.T) for n in normals) * (solid_angle / len(normals))
     return _by_light(weights, light_size) * brdf.REFLECTIVITY["diffuse"]
 
 

@@ -19,6 +19,9 @@ from deeplight.frames import MIRROR_X, Rotation, looking_at, require_rotation, t
 SPHERES = ("mirror", "matte_silver", "diffuse")
 CROP_SIZE = 32
 
+# lambda_b of equation 4: how much each sphere counts in the loss (Implementation Details).
+LOSS_WEIGHTS = {"mirror": 0.2, "matte_silver": 0.2, "diffuse": 0.6}
+
 
 @dataclass(frozen=True, eq=False)
 class SphereView:

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
+from deeplight.cli.main import told
 from deeplight.errors import ImageFileError, InputError
 from deeplight.estimate.onnx_estimator import Estimate, OnnxEstimator
 from deeplight.estimate.results import write_results
@@ -16,7 +17,6 @@ from deeplight.estimate.sources import Source, find_sources
 from deeplight.export.orientation import TOOLS
 from deeplight.export.webxr import light_estimate
 from deeplight.io.atomic import results_folder
-from deeplight.io.lighting_file import Turn
 
 
 class _CannotWriteError(Exception):
@@ -88,7 +88,7 @@ class Batch:
         if self.made_for == "webxr":
             further[".webxr.json"] = light_estimate(estimate.lighting)
         tool = TOOLS.get(self.made_for or "")
-        turn = Turn(tool.name, tool.view_u, tool.axes) if tool else None
+        turn = tool.turn if tool else None
         return write_results(
             estimate, self.estimator, self.out, stem, turn=turn, hdr=self.hdr, further=further
         )
@@ -156,11 +156,6 @@ class _Talk:
     def complain(self, error: InputError | OSError, silent: bool) -> None:
         """Tell of a failure in one line, unless it is about to be raised anyway."""
         if not silent:
-            line = f"deeplight estimate: {' '.join(_told(error).split())}"
+            message = told(error) if isinstance(error, OSError) else str(error)
+            line = f"deeplight estimate: {' '.join(message.split())}"
             self._progress.console.print(escape(line))
-
-
-def _told(error: InputError | OSError) -> str:
-    if isinstance(error, OSError) and error.strerror is not None:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return str(error)

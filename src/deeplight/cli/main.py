@@ -73,7 +73,7 @@ def _run(verb: str, words: list[str]) -> int:
     except InputError as error:
         return _complain(program, str(error))
     except OSError as error:
-        return _complain(program, _told(error))
+        return _complain(program, told(error))
     except ModuleNotFoundError as error:
         extra = EXTRA_OF.get((error.name or "").partition(".")[0])
         if extra is None:
@@ -89,7 +89,7 @@ def _parse(module: ModuleType, program: str, words: list[str]) -> object:
     return tyro.cli(module.Args, args=words, prog=program, description=module.__doc__)
 
 
-def _told(error: OSError) -> str:
+def told(error: OSError) -> str:
     """Say an operating system's error without its number."""
     if error.strerror is None:
         return str(error)

@@ -8,11 +8,10 @@ from jaxtyping import Float, UInt8
 from deeplight.camera_response import encode, soft_clip
 from deeplight.dataset import DataSet, Example
 from deeplight.dataset.contact_sheet import GAP, PAPER, Picture, column, enlarged, label, row
-from deeplight.evaluate.baselines.best_constant import LOSS_WEIGHTS
 from deeplight.evaluate.run import BatchEstimator, Report, rendered_radiance
 from deeplight.preprocess import normalise
 from deeplight.reflectance import rig_bases
-from deeplight.sphere import SPHERES, SphereView
+from deeplight.sphere import LOSS_WEIGHTS, SPHERES, SphereView
 
 PERCENTILES = (25, 50, 75)
 SPHERE_PX = 64

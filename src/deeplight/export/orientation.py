@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from deeplight.errors import InputError
+from deeplight.io.lighting_file import Turn
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,11 @@ class Tool:
         """Our axes in the tool's, in words."""
         ours = (("+X", self.right), ("+Y", self.up), ("-Z", self.view))
         return ", ".join(f"our {name} is its {_axis(axis)}" for name, axis in ours)
+
+    @property
+    def turn(self) -> Turn:
+        """How an environment for this tool is turned, as lighting files record it."""
+        return Turn(self.name, self.view_u, self.axes)
 
 
 def _axis(axis: tuple[int, int, int]) -> str:
@@ -109,8 +115,4 @@ def turned_for(
     """
     if tool not in TOOLS:
         raise InputError(f"one of {', '.join(sorted(TOOLS))}", repr(tool), "name one of them")
-    width = latlong.shape[1]
-    columns = (TOOLS[tool].view_u - 0.5) * width
-    if columns != round(columns):
-        raise InputError("a width of whole quarter turns", f"{width} pixels", "use a multiple of 4")
-    return np.roll(latlong, round(columns), axis=1)
+    return TOOLS[tool].turn.of(latlong)

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
-from deeplight.errors import ImageFileError
+from deeplight.errors import ImageFileError, InputError
 from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, project
 from deeplight.io.atomic import replacing
 from deeplight.io.hdr import read_hdr, write_exr, write_hdr
@@ -39,6 +39,21 @@ class Turn:
     made_for: str | None = None
     view_u: float = 0.5
     axes: str = "our own"
+
+    def of(
+        self, latlong: Float32[np.ndarray, "height width 3"]
+    ) -> Float32[np.ndarray, "height width 3"]:
+        """Turn our environment (centre = the view) this way.
+
+        Raises:
+            InputError: the width is no multiple of 4.
+        """
+        width = latlong.shape[1]
+        columns = (self.view_u - 0.5) * width
+        if columns != round(columns):
+            got = f"{width} pixels"
+            raise InputError("a width of whole quarter turns", got, "use a multiple of 4")
+        return np.roll(latlong, round(columns), axis=1)
 
 
 def save_lighting(
@@ -71,7 +86,7 @@ def save_lighting(
     folder, name = Path(stem).parent, Path(stem).name
     if latlong is None:
         latlong = lighting.latlong(LATLONG_HEIGHT)
-    turned = np.roll(latlong, round((turn.view_u - 0.5) * latlong.shape[1]), axis=1)
+    turned = turn.of(latlong)
     files = [folder / f"{name}.exr"]
     header: dict[str, str | int | float] = {
         "deeplight:unit": UNIT,

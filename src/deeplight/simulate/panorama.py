@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from deeplight import latlong, resample
+from deeplight.dataset.example import SCENES
 from deeplight.errors import DataSetError, ImageFileError
 from deeplight.io.hdr import read_hdr
 
@@ -21,7 +22,7 @@ UNKNOWN_LICENCE = "not stated"
 
 _HELD_OUT = {"val": "val_{}", "test": "unseen_{}"}
 _COLUMNS = ("file", "split", "place", "scene")
-_VALUES = {"split": ("train", *_HELD_OUT), "scene": ("indoor", "outdoor")}
+_VALUES = {"split": ("train", *_HELD_OUT), "scene": SCENES}
 
 
 @dataclass(frozen=True)

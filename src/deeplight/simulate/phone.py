@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from deeplight.camera import TRAINED_VERTICAL_FOV_RAD
-from deeplight.camera_response import GAMMA, encode
+from deeplight.camera_response import GAMMA, LUMINANCE, encode
 
 Colour = Float[np.ndarray, "3"]
 
@@ -164,7 +164,7 @@ def vignetting(
 
 def _exposure(pixels: Float[np.ndarray, "n 3"], habits: Habits) -> float:
     """Gain that brings the mean pixel to the habit, short of blowing too much out."""
-    luminance = pixels @ np.array([0.2126, 0.7152, 0.0722])
+    luminance = pixels @ LUMINANCE
     low, high = -40.0, 40.0
     for _ in range(30):
         middle = (low + high) / 2

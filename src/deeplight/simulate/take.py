@@ -78,17 +78,17 @@ def film(
     """
     camera = PinholeCamera(BACKGROUND_WIDTH, _FRAME_ROWS, phone.vertical_fov_rad)
     habits = draw_habits(phone, rng)
+    rays = camera.rays(BACKGROUND_HEIGHT).astype(np.float32)
+    lens = _background_vignetting(habits)[..., None]
     setting = None
     for pose in hand_held(frames, rng, looks_up):
-        rays = turned(camera.rays(BACKGROUND_HEIGHT).astype(np.float32), pose)
-        radiance = resample.sample_latlong(panorama, rays)
+        radiance = resample.sample_latlong(panorama, turned(rays, pose))
         fine = resample.ball_from_latlong(panorama, _FINE, pose.T)
         spheres = _sphere_radiance(fine, panorama, rig, pose)
         illuminant = _mean_on_sphere(spheres["diffuse"], rig.views["diffuse"])
         wanted = metered(_metered_pixels(radiance, spheres), illuminant, habits)
         setting = follow(setting, wanted, habits.speed)
         gain = setting.gain
-        lens = _background_vignetting(habits)[..., None]
         photo = develop(radiance, gain * lens, habits, (FRAME_HEIGHT // _FRAME_ROWS) ** 2, rng)
         jpeg = encode_jpeg(photo, habits.jpeg_quality)
         crops = {

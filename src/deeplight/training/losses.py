@@ -16,7 +16,7 @@ from torch.nn import functional
 
 from deeplight.camera_response import GAMMA, SOFT_CLIP_N
 from deeplight.reflectance import rig_bases
-from deeplight.sphere import SPHERES, Rig
+from deeplight.sphere import LOSS_WEIGHTS, SPHERES, Rig
 
 # x^(1/2.2) has an infinite slope at 0; linear 1e-4 is pixel value 4 of 255.
 DARKEST = 1e-4
@@ -32,9 +32,9 @@ class LossConfig:
     The adversarial term of equation 5 joins here with its own weight, 1 - lambda_rec.
     """
 
-    mirror: float = 0.2
-    matte_silver: float = 0.2
-    diffuse: float = 0.6
+    mirror: float = LOSS_WEIGHTS["mirror"]
+    matte_silver: float = LOSS_WEIGHTS["matte_silver"]
+    diffuse: float = LOSS_WEIGHTS["diffuse"]
     form: Form = "consistent"
     """What a sphere's pixel I is compared as. consistent: soft-clipped in linear radiance, like the
     rendering; paper: equation 4 to the letter, soft-clipped as a pixel value; plain: as it is."""

@@ -9,6 +9,8 @@ from deeplight.estimate.estimator import PhotoLike, as_photo
 from deeplight.lighting import Lighting
 from deeplight.preprocess import frame_photo, network_input
 
+DARKEST = 1e-4  # radiance: black still has a logarithm
+
 
 class Baseline(ABC):
     """An estimator of batches of network inputs; a photo is brought to one first."""

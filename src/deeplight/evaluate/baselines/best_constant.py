@@ -8,9 +8,8 @@ from jaxtyping import Float32, Float64
 from deeplight.camera_response import GAMMA, SOFT_CLIP_N, encode, soft_clip
 from deeplight.evaluate.baselines.baseline import ConstantLighting
 from deeplight.evaluate.baselines.training_pixels import RigPixels
-from deeplight.sphere import SPHERES
+from deeplight.sphere import LOSS_WEIGHTS, SPHERES
 
-LOSS_WEIGHTS = {"mirror": 0.2, "matte_silver": 0.2, "diffuse": 0.6}  # Implementation Details
 STEPS = 400
 LEARNING_RATE = 0.05
 _DARKEST = 1e-4  # below it the slope of the gamma encoding is that at it

@@ -10,10 +10,9 @@ from jaxtyping import Float32, Int
 
 from deeplight import mirror_ball
 from deeplight.camera_response import decode
-from deeplight.evaluate.baselines.baseline import Baseline
+from deeplight.evaluate.baselines.baseline import DARKEST, Baseline
 from deeplight.lighting import LIGHTING_SIZE
 
-_DARKEST = 1e-4  # a black pixel still has a logarithm
 _SAMPLES = 4  # along each side of a pixel of the ball
 
 
@@ -37,7 +36,7 @@ class Khan2006(Baseline):
         pixel, share = _shown_pixels(height, width)
         radiance = np.einsum("ncls,ls->ncl", linear[:, :, pixel], share)
         shape = (count, 3, LIGHTING_SIZE, LIGHTING_SIZE)
-        log_radiance: np.ndarray = np.log(np.maximum(radiance, _DARKEST)).reshape(shape)
+        log_radiance: np.ndarray = np.log(np.maximum(radiance, DARKEST)).reshape(shape)
         return np.ascontiguousarray(log_radiance.transpose(0, 2, 3, 1))
 
 

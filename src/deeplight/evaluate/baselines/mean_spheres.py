@@ -3,12 +3,10 @@
 import numpy as np
 from jaxtyping import Float64
 
-from deeplight.evaluate.baselines.baseline import ConstantLighting
+from deeplight.evaluate.baselines.baseline import DARKEST, ConstantLighting
 from deeplight.evaluate.baselines.training_pixels import RigPixels
 from deeplight.lighting import LIGHTING_SIZE
 from deeplight.reflectance import ReflectanceBasis
-
-_DARKEST = 1e-4
 
 
 def mean_spheres(rigs: list[RigPixels]) -> ConstantLighting:
@@ -21,7 +19,7 @@ def mean_spheres(rigs: list[RigPixels]) -> ConstantLighting:
     """
     examples = [rig.examples for rig in rigs]
     radiance = np.average([_of_rig(rig) for rig in rigs], axis=0, weights=examples)
-    log_radiance = np.log(np.maximum(radiance, _DARKEST))
+    log_radiance = np.log(np.maximum(radiance, DARKEST))
     shape = (LIGHTING_SIZE, LIGHTING_SIZE, 3)
     return ConstantLighting("mean_spheres", log_radiance.reshape(shape).astype(np.float32))
 
@@ -32,7 +30,7 @@ def _of_rig(rig: RigPixels) -> Float64[np.ndarray, "lights 3"]:
     mask = rig.mask("diffuse")
     rendered = (diffuse.weights[mask] @ radiance).sum(0)
     filmed = rig.mean_linear("diffuse")[mask].sum(0)
-    scaled: np.ndarray = radiance * (filmed / np.maximum(rendered, _DARKEST))
+    scaled: np.ndarray = radiance * (filmed / np.maximum(rendered, DARKEST))
     return scaled
 
 

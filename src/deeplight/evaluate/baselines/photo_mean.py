@@ -4,10 +4,8 @@ import numpy as np
 from jaxtyping import Float32
 
 from deeplight.camera_response import decode
-from deeplight.evaluate.baselines.baseline import Baseline
+from deeplight.evaluate.baselines.baseline import DARKEST, Baseline
 from deeplight.lighting import LIGHTING_SIZE
-
-_DARKEST = 1e-4  # a black photo still has a logarithm
 
 
 class PhotoMean(Baseline):
@@ -24,6 +22,6 @@ class PhotoMean(Baseline):
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
     ) -> Float32[np.ndarray, "batch size size 3"]:
         pixels = np.clip(inputs + np.float32(0.5), 0, 1)
-        colour = np.log(np.maximum(decode(pixels).mean((2, 3)), _DARKEST))
+        colour = np.log(np.maximum(decode(pixels).mean((2, 3)), DARKEST))
         size = (len(inputs), LIGHTING_SIZE, LIGHTING_SIZE, 3)
         return np.broadcast_to(colour[:, None, None, :], size).astype(np.float32)

@@ -3,10 +3,9 @@
 import numpy as np
 
 from deeplight.dataset import DataSet, splits_named
-from deeplight.evaluate.baselines.baseline import ConstantLighting
+from deeplight.evaluate.baselines.baseline import DARKEST, ConstantLighting
 from deeplight.lighting import LIGHTING_SIZE
 
-_DARKEST = 1e-4
 NAME = "training_mean"
 SPLIT = "seen"
 
@@ -30,5 +29,5 @@ def training_mean(data: DataSet) -> ConstantLighting | None:
     for number in numbers:
         lighting = index[int(number)].true_lighting
         assert lighting is not None
-        total += np.log(np.maximum(lighting.astype(np.float64), _DARKEST))
+        total += np.log(np.maximum(lighting.astype(np.float64), DARKEST))
     return ConstantLighting(NAME, (total / len(numbers)).astype(np.float32))
