@@ -7,12 +7,14 @@ light gives the sphere's reflectivity.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import brdf, mirror_ball
+from deeplight import brdf, frames, mirror_ball
 from deeplight.errors import ShapeError
+from deeplight.frames import Rotation
 from deeplight.lighting import LIGHTING_SIZE
 from deeplight.sphere import Rig, SphereView
 
@@ -43,6 +45,28 @@ class ReflectanceBasis:
     def furnace(self) -> Float[np.ndarray, "size size"]:
         """The sphere in white light of radiance 1: its certificate."""
         return self.weights.sum(axis=1).reshape(self.view.size, self.view.size)
+
+    def turned(self, view: SphereView) -> Self:
+        """The basis of the same sphere in another place of the picture.
+
+        A sphere looks the same from every side, so only its light turns: the weight of a new
+        pixel of light is the average, over its area, of the old weights per steradian. Each
+        row keeps its sum. A light pixel's width is added to the blur of glossy spheres. The
+        angular radius is taken as it is: `view.angular_radius_rad` should not differ by more
+        than a few degrees.
+
+        Raises:
+            ShapeError: `view` has another size.
+        """
+        if view.size != self.view.size:
+            got = f"{view.size} x {view.size}"
+            raise ShapeError(f"a view of {self.view.size} x {self.view.size}", got, "keep the size")
+        old_from_new = self.view.ball_from_camera.T @ view.ball_from_camera
+        density = self.weights / np.maximum(mirror_ball.solid_angles(self.light_size).ravel(), 1e-9)
+        weights = (density @ _shared(self.light_size, old_from_new)).astype(np.float32)
+        before, after = (w.sum(axis=1, keepdims=True) for w in (self.weights, weights))
+        weights *= np.divide(before, after, out=np.zeros_like(after), where=after > 0)
+        return type(self)(weights, view, self.light_size)
 
 
 def analytic_basis(
@@ -112,6 +136,17 @@ def _matte_silver(view: SphereView, light_size: int) -> np.ndarray:
     return weights * (
         brdf.REFLECTIVITY["matte_silver"] / np.maximum(weights.sum(1, keepdims=True), 1e-9)
     )
+
+
+def _shared(light_size: int, old_from_new: Rotation) -> Float[np.ndarray, "lights lights"]:
+    """Solid angle that each old pixel of light (row) shares with each new one (column)."""
+    directions, inside = mirror_ball.subpixels(light_size, 8)
+    old = mirror_ball.pixel_of_directions(frames.turned(directions, old_from_new), light_size)
+    new = np.broadcast_to(np.arange(light_size**2)[:, None], old.shape)
+    share = inside / np.maximum(inside.sum(axis=1, keepdims=True), 1)
+    solid_angle = share * mirror_ball.solid_angles(light_size).reshape(-1, 1)
+    index = old.astype(np.int64) * light_size**2 + new
+    return np.bincount(index.ravel(), solid_angle.ravel(), light_size**4).reshape(light_size**2, -1)
 
 
 def _light_samples(light_size: int) -> tuple[np.ndarray, np.ndarray]:

@@ -76,13 +76,17 @@ class SphereView:
         flipped = MIRROR_X @ self.ball_from_camera @ MIRROR_X
         return type(self)(flipped, self.angular_radius_rad, self.size)
 
-    def _surface(self, supersample: int) -> tuple[np.ndarray, np.ndarray]:
-        u, v = mirror_ball.grid(self.size, supersample)
+    def surface(
+        self, u: Float[np.ndarray, "*n"], v: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"]]:
+        """Normal, and direction back to the camera, at crop positions; off the disc the rim's."""
         radius = np.maximum(np.hypot(u, v), 1.0)
-        u, v = u / radius, v / radius
-        normals, views = _hit(u, v, self.angular_radius_rad)
+        normals, views = _hit(u / radius, v / radius, self.angular_radius_rad)
         camera_from_ball = self.ball_from_camera.T
         return turned(normals, camera_from_ball), turned(views, camera_from_ball)
+
+    def _surface(self, supersample: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.surface(*mirror_ball.grid(self.size, supersample))
 
 
 @dataclass(frozen=True, eq=False)

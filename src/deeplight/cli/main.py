@@ -15,6 +15,7 @@ from deeplight.errors import InputError, MissingExtraError
 VERBS = {
     "estimate": "photos or a video in, HDR light out: .exr, .json and a preview",
     "simulate": "film the three spheres in HDR panoramas: a data set",
+    "reflectance": "light-stage photographs of the spheres in, their reflectance bases out",
     "train": "train the network on a data set",
     "evaluate": "measure an estimator on a data set, beside trivial baselines",
 }

@@ -165,7 +165,7 @@ def _is_photo_name(path: Path) -> bool:
 
 
 def _decode(path: Path, start: bytes) -> _Stored:
-    _check_with_pillow(path, start)
+    check_with_pillow(path, start)
     with opened(path, MAX_PHOTO_PIXELS) as file:
         if is_floating_point(file):
             pixels = _encode_radiance(read_radiance(file, path))
@@ -217,7 +217,7 @@ def _encode_radiance(
     return np.floor(encode(np.clip(radiance, 0, 1)) * 255 + 0.5).astype(np.uint8)
 
 
-def _check_with_pillow(path: Path, start: bytes) -> None:
+def check_with_pillow(path: Path, start: bytes) -> None:
     """Check what OpenImageIO would find out too late or too loudly.
 
     It decodes GIF and JPEG 2000 when it opens them, whatever their size, and libpng tells of damage

@@ -1,0 +1,59 @@
+"""Photographs as measurements: linear values at the file's full bit depth."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+from jaxtyping import Float32
+
+from deeplight.camera_response import decode
+from deeplight.errors import ImageFileError
+from deeplight.io.atomic import replacing
+from deeplight.io.exif import upright
+from deeplight.io.hdr import is_floating_point, read_radiance
+from deeplight.io.image import MAX_PHOTO_PIXELS, check_with_pillow
+from deeplight.io.image_file import first_bytes, opened
+
+PHOTOGRAPH_SUFFIXES = frozenset(".bmp .exr .hdr .jpeg .jpg .png .tif .tiff .webp".split())
+
+
+def read_photograph(path: Path | str, gamma: float) -> Float32[np.ndarray, "height width 3"]:
+    """Read linear values, 1.0 = the largest an integer file can hold; upright.
+
+    Integers of 8 or 16 bits are decoded as x^gamma; floating-point files are linear already.
+
+    Raises:
+        OSError: there is no such file, it is a folder, or reading it is not permitted.
+        ImageFileError: not an image, damaged, too large, or holding NaN or infinity.
+    """
+    path = Path(path)
+    check_with_pillow(path, first_bytes(path))  # libpng tells of damage on stderr otherwise
+    with opened(path, MAX_PHOTO_PIXELS) as file:
+        values = read_radiance(file, path)
+        turned = upright(values, file.spec().get_int_attribute("Orientation", 1))
+        if not is_floating_point(file) and gamma != 1:
+            turned = decode(turned, gamma)
+        return np.ascontiguousarray(turned, np.float32)
+
+
+def write_photograph(path: Path | str, values: Float32[np.ndarray, "height width 3"]) -> None:
+    """Write linear values: .exr as they are in 32 bits, .png clipped to 0..1 in 16 bits.
+
+    Raises:
+        OSError: the file cannot be written.
+        ImageFileError: another suffix.
+    """
+    path = Path(path)
+    if path.suffix not in (".exr", ".png"):
+        raise ImageFileError("a name ending in .exr or .png", f"{path}", "rename the output")
+    height, width, _ = values.shape
+    exact = path.suffix == ".exr"
+    spec = oiio.ImageSpec(width, height, 3, oiio.FLOAT if exact else oiio.UINT16)
+    pixels = values if exact else np.floor(np.clip(values, 0, 1) * 65535 + 0.5).astype(np.uint16)
+    with replacing(path) as temporary:
+        file = oiio.ImageOutput.create(str(temporary))
+        if file is None:
+            raise OSError(f"cannot write {path}: {oiio.geterror().strip()}")
+        written = file.open(str(temporary), spec) and file.write_image(np.ascontiguousarray(pixels))
+        if not (file.close() and written):  # closing flushes: a full disk may show only there
+            raise OSError(f"cannot write {path}: {file.geterror().strip() or 'disk full?'}")
