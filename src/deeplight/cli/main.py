@@ -14,6 +14,7 @@ from deeplight.errors import InputError, MissingExtraError
 
 VERBS = {
     "estimate": "photos or a video in, HDR light out: .exr, .json and a preview",
+    "compose": "put objects into a photo, lit by its own light",
     "simulate": "film the three spheres in HDR panoramas: a data set",
     "reflectance": "light-stage photographs of the spheres in, their reflectance bases out",
     "train": "train the network on a data set",
@@ -24,15 +25,19 @@ VERBS = {
 EXTRA_OF = {
     "av": "capture",
     "cv2": "capture",
+    "fsspec": "train",
+    "jinja2": "capture",
     "lightning_fabric": "train",
     "matplotlib": "train",
     "mitsuba": "render",
     "onnx": "export",
     "onnxscript": "train",
     "pillow_heif": "heic",
+    "ray": "cluster",
     "safetensors": "train",
     "tensorboard": "train",
     "torch": "train",
+    "trimesh": "render",
 }
 """Optional package -> the extra that installs it."""
 

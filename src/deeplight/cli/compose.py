@@ -1,0 +1,60 @@
+"""Put objects into a photo: lit by its own light, with their shadow on its own surface.
+
+deeplight compose photo.jpg --object bunny --material diffuse --out bunny.png
+deeplight compose photo.jpg --object chair.glb --at 420 610 --size 0.9 --pitch -20 --out a.png
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tyro.conf import UseAppendAction as Many
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `deeplight compose`. Those of an object are repeated for several objects."""
+
+    photo: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PHOTO")]
+    """The photo or video to put them into; nothing may stand in the way."""
+    out: Path
+    """The picture to write: .png or .jpg; .mp4 for a video."""
+    object: Annotated[tuple[str, ...], Many] = ()
+    """bunny (the default), sphere, or a .glb, .gltf, .obj or .ply file."""
+    material: Annotated[tuple[str, ...], Many] = ()
+    """diffuse (grey, 34.5 %), silver (matte, 49.9 %), mirror, plastic, file (the file's own)."""
+    at: Annotated[tuple[tuple[float, float], ...], Many] = ()
+    """Pixel x y where it stands. Default: the lower middle."""
+    size: Annotated[tuple[float, ...], Many] = ()
+    """Longest side in metres. Default: 30 % of the photo's shorter side, whatever that is."""
+    turn: Annotated[tuple[float, ...], Many] = ()
+    """Degrees anticlockwise from above."""
+    up: Literal["y", "z"] = "y"
+    """The axis that points up in mesh files."""
+    light: Path | None = None
+    """Use this light (.json of deeplight, or an .exr or .hdr panorama) instead of estimating it."""
+    stops: float = 0.0
+    """Make the light brighter by so many stops."""
+    camera_height: float = 1.4
+    """Metres from the surface up to the camera."""
+    pitch: float | None = None
+    """Degrees the camera looks up. Default: from EXIF, else -15."""
+    roll: float | None = None
+    """Degrees the camera is turned counter-clockwise. Default: from EXIF, else 0."""
+    fov: float | None = None
+    """Vertical field of view in degrees. Default: from EXIF, else 66 along the long side."""
+    below: Literal["surface", "estimate"] = "surface"
+    """What lights objects from below: the surface they stand on, or the estimated light."""
+    quality: Literal["preview", "final"] = "preview"
+    """How many rays: seconds, or minutes."""
+    layers: Path | None = None
+    """Also write objects, shadow and mask as a layered EXR."""
+    engine: Literal["auto", "llvm", "scalar"] = "auto"
+    """Mitsuba's variant; llvm needs LLVM 16 or newer and is several times faster."""
+
+
+def run(args: Args) -> None:
+    from deeplight.cli.compose_run import run_compose
+
+    run_compose(args)

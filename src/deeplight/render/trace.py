@@ -1,0 +1,259 @@
+"""Render a scene into layers: the objects, their cover, and what they do to the light on the plane.
+
+Each pass traces one ray through every pixel of a grid, with and without the objects, from the
+same random numbers. So each ray sees either object or plane and the two never mix; a ray's light
+on the plane is the same number in both renderings unless an object took or gave some of it, and
+the shadow has noise only where there is a shadow.
+
+Around the objects the grid is finer than the photo's; for the wide, soft rest of the shadow it
+is coarser, which is where the time would go.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from deeplight.errors import ConfigError
+from deeplight.render.engine import mitsuba
+from deeplight.render.scene import (
+    MOST_BOUNCES,
+    Crop,
+    Scene,
+    Window,
+    affected,
+    bounds_of_solids,
+    mitsuba_scene,
+    sensor,
+)
+
+FINE = 2  # grid pixels along a photo's pixel, around the objects
+PLANE = "plane"
+BORDER = 0.12  # part of a grid over which its shadow gives way to the next
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How much work to do.
+
+    Attributes:
+        samples: rays through each of the photo's pixels around the objects.
+        shadow_samples: rays through each pixel of the coarse grid.
+        shadow_pixels: of the coarse grid, at most.
+        most_rays: around the objects in all; large objects get fewer `samples`. None is no limit.
+    """
+
+    samples: int
+    shadow_samples: int
+    shadow_pixels: int
+    most_rays: int | None = None
+
+    def __post_init__(self) -> None:
+        if min(self.samples, self.shadow_samples, self.shadow_pixels) < 1:
+            raise ConfigError("at least one sample", f"{self}", "give more --samples")
+
+    def passes(self, fine: Window) -> int:
+        """How often to trace a ray through every pixel of the fine grid."""
+        wanted = -(-self.samples // FINE**2)
+        if self.most_rays is None:
+            return wanted
+        return max(1, min(wanted, self.most_rays // (fine.width * fine.height)))
+
+
+PREVIEW = Quality(samples=64, shadow_samples=48, shadow_pixels=4_000, most_rays=600_000)
+FINAL = Quality(samples=512, shadow_samples=256, shadow_pixels=60_000)
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """What is rendered of the part of a photo that changes.
+
+    Attributes:
+        crop: that part: left, top, right, bottom.
+        radiance: of the objects, times their cover.
+        cover: share of each pixel that objects hide.
+        shadow: light on the plane with the objects over that without; 1 is unchanged.
+    """
+
+    crop: Crop
+    radiance: Float[np.ndarray, "height width 3"]
+    cover: Float[np.ndarray, "height width"]
+    shadow: Float[np.ndarray, "height width 3"]
+
+
+def trace(
+    scene: Scene,
+    quality: Quality = PREVIEW,
+    engine: str = "auto",
+    light_from_below: bool = False,
+    seed: int = 0,
+    progress: Progress = lambda done, total: None,
+) -> Layers:
+    """Render.
+
+    Args:
+        scene: what.
+        quality: how well.
+        engine: see `engine.mitsuba`.
+        light_from_below: light the objects with the estimate's lower directions instead of the
+            plane; the plane still catches their shadow.
+        seed: of the random numbers.
+        progress: told (rays done, rays in all).
+    """
+    tracer = _Tracer(mitsuba(engine), scene, light_from_below, seed)
+    near = bounds_of_solids(scene)
+    wide = _around(affected(scene), near)
+    if not scene.solids or min(near[2] - near[0], near[3] - near[1]) < 1:
+        return Layers((0, 0, 0, 0), *_nothing(0, 0))
+    area = (wide[2] - wide[0]) * (wide[3] - wide[1])
+    coarse = Window.over(wide, max(1.0, float(np.ceil(np.sqrt(area / quality.shadow_pixels)))))
+    fine = Window.over(near, 1 / FINE)
+    passes = quality.passes(fine)
+    work = [fine.width * fine.height * passes]
+    work.append(coarse.width * coarse.height * quality.shadow_samples)
+    around = tracer.run(fine, passes, lambda done: progress(done, sum(work)))
+    soft = tracer.run(
+        coarse, quality.shadow_samples, lambda done: progress(work[0] + done, sum(work)), False
+    )
+    return _joined(scene, wide, near, around, soft, coarse)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Means over the rays of each pixel of a grid."""
+
+    radiance: Float[np.ndarray, "height width 3"]
+    cover: Float[np.ndarray, "height width"]
+    shadowed: Float[np.ndarray, "height width 3"]
+    open: Float[np.ndarray, "height width 3"]
+
+
+class _Tracer:
+    """The loaded scenes: with objects, without, and the objects alone."""
+
+    def __init__(self, mi: Any, scene: Scene, light_from_below: bool, seed: int) -> None:
+        self._mi, self._scene, self._seed = mi, scene, seed
+        self._full = mitsuba_scene(mi, scene)
+        self._empty = mitsuba_scene(mi, scene, solids=False)
+        self._alone = mitsuba_scene(mi, scene, plane=False) if light_from_below else None
+        self._plane = 1 + [shape.id() for shape in self._full.shapes()].index(PLANE)
+
+    def run(
+        self, window: Window, passes: int, done: Callable[[int], None], objects: bool = True
+    ) -> _Rays:
+        """Trace `passes` rays through every pixel of a window."""
+        camera = sensor(self._mi, self._scene.viewpoint, window)
+        radiance, shadowed, unshadowed = np.zeros((3, window.height, window.width, 3))
+        cover = np.zeros((window.height, window.width))
+        for number in range(passes):
+            seed = self._seed * 100_003 + number
+            full, shape = self._render(self._full, camera, seed, MOST_BOUNCES)
+            plane, solid = shape == self._plane, (shape != self._plane) & (shape > 0)
+            shadowed += full * plane[..., None]
+            unshadowed += self._render(self._empty, camera, seed, 1)[0] * plane[..., None]
+            if objects and self._alone is not None:
+                full = self._render(self._alone, camera, seed, MOST_BOUNCES)[0]
+            radiance += full * solid[..., None]
+            cover += solid
+            done(window.width * window.height * (number + 1))
+        return _Rays(radiance / passes, cover / passes, shadowed / passes, unshadowed / passes)
+
+    def _render(
+        self, scene: Any, camera: Any, seed: int, bounces: int
+    ) -> tuple[Float[np.ndarray, "height width 3"], Int[np.ndarray, "height width"]]:
+        """Radiance, and the number of the shape each ray meets: 0 none, then from 1 on."""
+        path = {"type": "path", "max_depth": bounces + 1, "rr_depth": 3}
+        nested = {"type": "aov", "aovs": "id:shape_index", "path": path}
+        integrator = self._mi.load_dict(nested)
+        image = self._mi.render(scene, sensor=camera, integrator=integrator, seed=seed, spp=1)
+        values = np.array(image)
+        return values[..., :3].astype(float), np.round(values[..., 3]).astype(int)
+
+
+def _joined(
+    scene: Scene, wide: Crop, near: Crop, around: _Rays, soft: _Rays, coarse: Window
+) -> Layers:
+    """The fine grid where it is, the coarse one around it."""
+    height, width = wide[3] - wide[1], wide[2] - wide[0]
+    radiance, cover = np.zeros((height, width, 3)), np.zeros((height, width))
+    far = _enlarged(_smooth(np.concatenate([soft.shadowed, soft.open], -1)), coarse, wide)
+    shadow = _quotient(far[..., :3], far[..., 3:])
+    shadow = 1 + (shadow - 1) * _fading(wide, scene)[..., None]
+    rows = slice(near[1] - wide[1], near[3] - wide[1])
+    columns = slice(near[0] - wide[0], near[2] - wide[0])
+    radiance[rows, columns] = _by_pixel(around.radiance)
+    cover[rows, columns] = _by_pixel(around.cover)
+    sums = _smooth(_by_pixel(np.concatenate([around.shadowed, around.open], -1)))
+    sharp, weight = _quotient(sums[..., :3], sums[..., 3:]), _fading(near, scene)[..., None]
+    shadow[rows, columns] = sharp * weight + shadow[rows, columns] * (1 - weight)
+    return Layers(wide, *(layer.astype(np.float32) for layer in (radiance, cover, shadow)))
+
+
+def _around(a: Crop, b: Crop) -> Crop:
+    """The smallest crop that holds both."""
+    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
+
+
+def _nothing(height: int, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    colour = np.zeros((height, width, 3), np.float32)
+    return colour, colour[..., 0], colour + 1
+
+
+def _quotient(above: np.ndarray, below: np.ndarray) -> np.ndarray:
+    """The shadow: exactly 1 where the two are the same; 1 as well where no ray saw the plane."""
+    result = np.ones_like(above)
+    np.divide(above, below, out=result, where=below > 0)
+    return result
+
+
+def _by_pixel(fine: np.ndarray) -> np.ndarray:
+    """Mean over the parts of each pixel."""
+    height, width = fine.shape[0] // FINE, fine.shape[1] // FINE
+    parts = fine.reshape(height, FINE, width, FINE, *fine.shape[2:])
+    result: np.ndarray = parts.mean(axis=(1, 3))
+    return result
+
+
+def _smooth(values: Float[np.ndarray, "height width n"]) -> Float[np.ndarray, "height width n"]:
+    """Weights 1 2 1 along both axes, against noise.
+
+    Sums are smoothed, not their quotient: pixels that see no plane then count for nothing.
+    """
+    for axis in (0, 1):
+        padded = np.pad(values, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
+        first, last = (np.take(padded, range(k, k + values.shape[axis]), axis) for k in (0, 2))
+        values = (first + 2 * values + last) / 4
+    return values
+
+
+def _enlarged(
+    values: Float[np.ndarray, "rows columns n"], window: Window, crop: Crop
+) -> Float[np.ndarray, "height width n"]:
+    """A grid's values at the pixels of `crop`, bilinear."""
+    for axis, (low, high, first) in enumerate(
+        ((crop[1], crop[3], window.top), (crop[0], crop[2], window.left))
+    ):
+        at = (np.arange(low, high) + 0.5) / window.step - first - 0.5
+        at = np.clip(at, 0, values.shape[axis] - 1)
+        before = np.minimum(at.astype(int), max(values.shape[axis] - 2, 0))
+        part = (at - before).reshape([-1 if a == axis else 1 for a in range(3)])
+        after = np.minimum(before + 1, values.shape[axis] - 1)
+        values = np.take(values, before, axis) * (1 - part) + np.take(values, after, axis) * part
+    return values
+
+
+def _fading(crop: Crop, scene: Scene) -> Float[np.ndarray, "height width"]:
+    """1 inside, falling to 0 where the crop ends inside the photo, so that no seam shows."""
+    camera = scene.viewpoint.camera
+    left, top, right, bottom = crop
+    ramps = []
+    for low, high, size in ((top, bottom, camera.height), (left, right, camera.width)):
+        at = np.arange(high - low) + 0.5
+        width = max(BORDER * (high - low), 1.0)
+        begin = at / width if low > 0 else np.ones_like(at)
+        end = (high - low - at) / width if high < size else np.ones_like(at)
+        ramps.append(np.clip(np.minimum(begin, end), 0, 1))
+    return np.outer(*ramps)
