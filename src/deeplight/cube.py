@@ -6,7 +6,9 @@ and the bottom face (-Y) at its upper edge, both with +X on the right.
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
+
+from deeplight.frames import Directions
 
 FACES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
@@ -39,3 +41,16 @@ def solid_angles(size: int) -> Float[np.ndarray, "size size"]:
     x, y = np.meshgrid(edge, edge)
     corner = np.arctan2(x * y, np.sqrt(x * x + y * y + 1))
     return corner[1:, 1:] - corner[:-1, 1:] - corner[1:, :-1] + corner[:-1, :-1]
+
+
+def position(
+    directions: Directions, size: int
+) -> tuple[Int[np.ndarray, "*n"], Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    """(face, row, column) of directions; row and column continuous, 0.0 the first pixel's centre."""
+    forward = np.stack([directions @ axes[0].astype(directions.dtype) for axes in _AXES], axis=-1)
+    face = forward.argmax(axis=-1)
+    depth = np.take_along_axis(forward, face[..., None], axis=-1)[..., 0]
+    right, up = (
+        (directions * _AXES[face, k].astype(directions.dtype)).sum(axis=-1) / depth for k in (1, 2)
+    )
+    return face, (1 - up) * (size / 2) - 0.5, (1 + right) * (size / 2) - 0.5

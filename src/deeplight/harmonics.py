@@ -6,11 +6,12 @@ negates coefficients 1, 3, 5 and 7. Coefficients are of radiance.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import mirror_ball
+from deeplight import latlong, mirror_ball
 from deeplight.camera_response import LUMINANCE
 from deeplight.lighting import Lighting
 
@@ -69,18 +70,27 @@ class DominantLight:
             white times sr; zero in perfectly even light. Read-only like `direction`.
         share: part of the scene's power that it holds, 0 to 1, by luminance.
         remainder: the lighting without it; the two together are the whole.
+        angular_radius_rad: of the even disc that holds the same power as brightly; never
+            less than the lighting's own pixels show.
     """
 
     direction: Float[np.ndarray, "3"]
     irradiance: Float[np.ndarray, "3"]
     share: float
     remainder: Lighting
+    angular_radius_rad: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("direction", "irradiance"):
             own = getattr(self, name).copy()  # the caller's stays writable
             own.setflags(write=False)
             object.__setattr__(self, name, own)
+
+    @property
+    def colour(self) -> Float[np.ndarray, "3"]:
+        """Its irradiance with the largest channel at 1; white where there is no light."""
+        largest = self.irradiance.max()
+        return self.irradiance / largest if largest > 0 else np.ones(3, np.float32)
 
 
 def dominant_light(lighting: Lighting, cone_rad: float = 0.35) -> DominantLight:
@@ -92,21 +102,79 @@ def dominant_light(lighting: Lighting, cone_rad: float = 0.35) -> DominantLight:
     directions = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)
     solid_angle = mirror_ball.solid_angles(lighting.size).reshape(-1, 1)
     radiance = lighting.radiance.reshape(-1, 3)
-    luminance = radiance @ LUMINANCE
-    near = directions @ directions.T > np.cos(cone_rad)
-    peak = int((near @ (luminance * solid_angle[:, 0])).argmax())
-    cone = near[peak]
+    cone = _brightest_cone(lighting, cone_rad)
+    excess = _excess(radiance, solid_angle, cone)
+    remainder = Lighting((radiance - excess).reshape(lighting.radiance.shape))
+    whole = ((radiance @ LUMINANCE) * solid_angle[:, 0]).sum()
+    return _as_light(excess, directions, solid_angle, whole, remainder)
+
+
+def dominant_light_of_latlong(
+    radiance: Float[np.ndarray, "height width 3"], cone_rad: float = 0.35
+) -> tuple[DominantLight, Float[np.ndarray, "height width 3"]]:
+    """The dominant light of a panorama at the panorama's own resolution, and its own radiance.
+
+    Where it is, a 32 x 32 ball tells; what it adds is taken from the panorama itself, so that a
+    sun's size and direction are as fine as its pixels. The panorama less the second result is what
+    `remainder` holds on a ball.
+    """
+    height, width, _ = radiance.shape
+    lighting = Lighting.from_latlong(radiance)
+    ball = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)
+    centre = ball[_brightest_cone(lighting, cone_rad)].mean(axis=0)
+    directions = latlong.directions(height, width).reshape(-1, 3)
+    toward = (centre / np.linalg.norm(centre)).astype(np.float32)
+    cone = directions @ toward > np.cos(cone_rad)
+    flat = radiance.reshape(-1, 3)
+    solid_angle = latlong.solid_angles(height, width).reshape(-1, 1)
+    excess = _excess(flat, solid_angle, cone).astype(np.float32)
+    left = (flat - excess).reshape(radiance.shape)
+    whole = ((flat @ LUMINANCE) * solid_angle[:, 0]).sum()
+    light = _as_light(excess, directions, solid_angle, whole, Lighting.from_latlong(left))
+    return light, excess.reshape(radiance.shape)
+
+
+def _brightest_cone(lighting: Lighting, cone_rad: float) -> np.ndarray:
+    """Which pixels of the ball lie in the cone that catches the most luminous power."""
+    near = _cones(lighting.size, cone_rad)
+    luminance = lighting.radiance.reshape(-1, 3) @ LUMINANCE
+    peak = int((near @ (luminance * mirror_ball.solid_angles(lighting.size).ravel())).argmax())
+    return near[peak] > 0
+
+
+def _excess(radiance: np.ndarray, solid_angle: np.ndarray, cone: np.ndarray) -> np.ndarray:
+    """What pixels in the cone add over the mean radiance outside it."""
     outside = solid_angle * ~cone[:, None]
     ambient = (radiance * outside).sum(0) / outside.sum()
-    excess = np.where(cone[:, None], np.maximum(radiance - ambient, 0), 0)
+    return np.where(cone[:, None], np.maximum(radiance - ambient, 0), 0)
+
+
+def _as_light(
+    excess: np.ndarray,
+    directions: np.ndarray,
+    solid_angle: np.ndarray,
+    whole: float,
+    remainder: Lighting,
+) -> DominantLight:
     power = (excess @ LUMINANCE) * solid_angle[:, 0]
     total = power.sum()
-    toward = power @ directions if total > 0 else directions[peak]
+    toward = power @ directions if total > 0 else directions[0].astype(float)
     toward = toward / np.linalg.norm(toward)
     facing = np.maximum(directions @ toward, 0)[:, None] * solid_angle
+    # An even disc's power squared over its radiance squared, summed, is its solid angle.
+    squared = ((excess @ LUMINANCE) * power).sum()
+    disc = total**2 / squared if total > 0 else 0.0
     return DominantLight(
         toward.astype(np.float32),
         (excess * facing).sum(0).astype(np.float32),
-        float(total / max((luminance * solid_angle[:, 0]).sum(), 1e-30)),
-        Lighting((radiance - excess).reshape(lighting.radiance.shape)),
+        float(total / max(whole, 1e-30)),
+        remainder,
+        float(np.arccos(np.clip(1 - disc / (2 * np.pi), -1, 1))),
     )
+
+
+@lru_cache(maxsize=4)
+def _cones(size: int, cone_rad: float) -> Float[np.ndarray, "pixels pixels"]:
+    """1 where two pixels of the ball lie within `cone_rad` of each other, else 0."""
+    directions = mirror_ball.pixel_directions(size).reshape(-1, 3)
+    return (directions @ directions.T > np.cos(cone_rad)).astype(float)

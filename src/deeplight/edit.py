@@ -1,0 +1,131 @@
+"""Changes to light before it is used: turn, tint, scale, the main light apart, neutral.
+
+Each is linear in radiance, so what is done to a sum of lights is done to each of them. Only which
+pixels are the main light is not: that is found first, in the light as it came.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight import frames, latlong, resample
+from deeplight.camera_response import LUMINANCE
+from deeplight.errors import ConfigError
+from deeplight.frames import Rotation
+from deeplight.harmonics import dominant_light_of_latlong
+from deeplight.lighting import Lighting
+
+MOST_STOPS = 30.0
+
+Panorama = Float[np.ndarray, "height width 3"]
+_SUPERSAMPLED_UP_TO = 2048  # rows; a larger panorama is turned without, for memory's sake
+
+
+@dataclass(frozen=True)
+class Edit:
+    """What to change, in the order of the fields; left alone, nothing changes.
+
+    Attributes:
+        main_light: factor on the main light: 0 takes it out, 2 doubles it.
+        main_light_to: direction to move the main light to (azimuth, elevation) in degrees; azimuth
+            0 is straight ahead, positive to the right; its power stays.
+        turn: yaw, pitch, roll in degrees that the light is turned by, as `frames.world_from_camera`:
+            positive yaw moves light in front to the left, positive pitch raises it.
+        tint: factor on red, green and blue.
+        stops: brightness in doublings.
+        neutral: share, 0 to 1, of even white light of the same luminous power mixed in.
+    """
+
+    main_light: float = 1.0
+    main_light_to: tuple[float, float] | None = None
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    stops: float = 0.0
+    neutral: float = 0.0
+
+    def __post_init__(self) -> None:
+        moved = self.main_light_to or (0.0, 0.0)
+        numbers = (self.main_light, *moved, *self.turn, *self.tint, self.stops, self.neutral)
+        rules = {
+            "finite numbers": bool(np.isfinite(numbers).all()),
+            "a main light of at least 0": self.main_light >= 0,
+            "an elevation of -90 to 90 degrees": abs(moved[1]) <= 90,
+            "a tint of at least 0": min(self.tint) >= 0,
+            f"at most {MOST_STOPS:g} stops": abs(self.stops) <= MOST_STOPS,
+            "a neutral share of 0 to 1": 0 <= self.neutral <= 1,
+        }
+        for expected, kept in rules.items():
+            if not kept:
+                raise ConfigError(expected, f"{self}", "correct the edit")
+
+    @property
+    def new_from_old(self) -> Rotation:
+        """The turn as a map of directions."""
+        yaw, pitch, roll = np.radians(self.turn)
+        return frames.world_from_camera(yaw, pitch, roll)
+
+
+def edited(lighting: Lighting, edit: Edit) -> Lighting:
+    """Lighting after `edit`; the same value where nothing is to change."""
+    if edit == Edit():
+        return lighting
+    height = max(256, 8 * lighting.size)
+    return Lighting.from_latlong(edited_latlong(lighting.latlong(height), edit), size=lighting.size)
+
+
+def edited_latlong(radiance: Panorama, edit: Edit) -> Panorama:
+    """A panorama after `edit`, at its own size."""
+    if edit.main_light != 1 or edit.main_light_to is not None:
+        radiance = _main_light_changed(radiance, edit)
+    radiance = turned(radiance, edit.new_from_old)
+    radiance = radiance * (np.array(edit.tint, np.float32) * np.float32(2.0**edit.stops))
+    return with_neutral(radiance, edit.neutral)
+
+
+def turned(radiance: Panorama, new_from_old: Rotation) -> Panorama:
+    """A panorama whose light is turned; about the vertical by whole columns it stays exact."""
+    width = radiance.shape[1]
+    about_up = np.arctan2(new_from_old[0, 2], new_from_old[2, 2])
+    columns = about_up * width / (2 * np.pi)
+    upright = np.allclose(new_from_old, frames.rotation("y", about_up), atol=1e-9)
+    if upright and abs(columns - round(columns)) < 1e-6:
+        return np.roll(radiance, -round(columns), axis=1)
+    height = len(radiance)
+    fine = 2 * height if height <= _SUPERSAMPLED_UP_TO else height
+    seen = frames.turned(latlong.directions(fine, 2 * fine), new_from_old.T)
+    result = resample.sample_latlong(radiance, seen)
+    return (resample.shrink_latlong(result, height) if fine > height else result).astype(np.float32)
+
+
+def with_neutral(radiance: Panorama, share: float) -> Panorama:
+    """Mix in even white light of the panorama's own luminous power; 1 leaves nothing else."""
+    weights = latlong.solid_angles(*radiance.shape[:2]) / (4 * np.pi)
+    mean = ((radiance @ LUMINANCE) * weights).sum()
+    return (radiance * (1 - share) + share * mean).astype(np.float32) if share else radiance
+
+
+def direction_of(azimuth_deg: float, elevation_deg: float) -> Float[np.ndarray, "3"]:
+    """Unit direction in the camera frame; azimuth 0 is the view, positive to the right."""
+    azimuth, elevation = np.radians((azimuth_deg, elevation_deg))
+    across = np.cos(elevation)
+    return np.array([across * np.sin(azimuth), np.sin(elevation), -across * np.cos(azimuth)])
+
+
+def _main_light_changed(radiance: Panorama, edit: Edit) -> Panorama:
+    light, excess = dominant_light_of_latlong(radiance)
+    rest = np.maximum(radiance - excess, 0)
+    if edit.main_light_to is not None:
+        to = direction_of(*edit.main_light_to)
+        excess = turned(excess, _shortest_turn(light.direction.astype(float), to))
+    return (rest + edit.main_light * excess).astype(np.float32)
+
+
+def _shortest_turn(old: np.ndarray, new: np.ndarray) -> Rotation:
+    """The rotation about one axis that takes one unit direction to another (Rodrigues)."""
+    axis, cosine = np.cross(old, new), float(old @ new)
+    if cosine < -1 + 1e-9:  # straight opposite: half a turn about anything across
+        across = frames.normalised(np.cross(old, np.eye(3)[np.abs(old).argmin()]))
+        return 2 * np.outer(across, across) - np.eye(3)
+    cross = np.cross(np.eye(3), axis)
+    return np.eye(3) + cross + cross @ cross / (1 + cosine)
