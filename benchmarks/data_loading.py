@@ -21,8 +21,9 @@ import tyro
 
 from deeplight.dataset import open_dataset
 from deeplight.training.batches import Batch, BatchSource
-from deeplight.training.config import TrainConfig, preset
+from deeplight.training.config import TrainConfig
 from deeplight.training.loop import Run
+from deeplight.training.presets import preset
 
 GOAL = 0.95
 

@@ -13,6 +13,9 @@ TRAINED_VERTICAL_FOV_RAD = float(np.radians(66.0))
 FRAME_HEIGHT, FRAME_WIDTH = 1920, 1080
 BACKGROUND_FRACTION = 0.8  # the lower 20 % holds the spheres and is cut, at inference too
 BACKGROUND_HEIGHT, BACKGROUND_WIDTH = 192, 135  # the network's input
+# Section 4.3: the comparison network sees the middle 1080 x 810 of the 1080 x 1536 background.
+LANDSCAPE_HEIGHT, LANDSCAPE_WIDTH = 144, 192
+LANDSCAPE_FRAME_ROWS = 810
 
 
 @dataclass(frozen=True)

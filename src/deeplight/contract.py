@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from typing import Any
 
 from deeplight.brdf import REFLECTIVITY
 from deeplight.camera import (
@@ -12,6 +13,9 @@ from deeplight.camera import (
     BACKGROUND_WIDTH,
     FRAME_HEIGHT,
     FRAME_WIDTH,
+    LANDSCAPE_FRAME_ROWS,
+    LANDSCAPE_HEIGHT,
+    LANDSCAPE_WIDTH,
     TRAINED_VERTICAL_FOV_RAD,
 )
 from deeplight.camera_response import GAMMA, SOFT_CLIP_N
@@ -60,6 +64,23 @@ class ModelContract:
     soft_clip_n: float = SOFT_CLIP_N
     reflectivity: Mapping[str, float] = field(default_factory=lambda: dict(REFLECTIVITY))
     trained_on: str = ""  # data set, places and steps, in words
+
+    @classmethod
+    def landscape(cls, **changes: Any) -> "ModelContract":
+        """The contract of the landscape network (section 4.3), which sees the background's middle.
+
+        Args:
+            changes: entries that differ from their defaults.
+        """
+        middle = BACKGROUND_FRACTION / 2
+        half = LANDSCAPE_FRAME_ROWS / FRAME_HEIGHT / 2
+        return cls(
+            width=LANDSCAPE_WIDTH,
+            height=LANDSCAPE_HEIGHT,
+            background_top=middle - half,
+            background_fraction=middle + half,
+            **changes,
+        )
 
     def __post_init__(self) -> None:
         if self.version != CONTRACT_VERSION:

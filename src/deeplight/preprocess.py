@@ -123,6 +123,32 @@ def background(
     return levels.astype(np.uint8)
 
 
+def landscape_background(
+    stored: UInt8[np.ndarray, "height width 3"],
+) -> UInt8[np.ndarray, "input_height input_width 3"]:
+    """Give the landscape network's view of a stored portrait background: its middle, enlarged.
+
+    Section 4.3. A photo of full size brought to the landscape contract has more detail: here 135
+    pixels are spread over 192.
+    """
+    height, width, _ = stored.shape
+    portrait, landscape = ModelContract(), ModelContract.landscape()
+    rows = height / (portrait.background_fraction - portrait.background_top)  # of the full frame
+    framing = Framing(
+        photo_height=height,
+        photo_width=width,
+        top=rows * (landscape.background_top - portrait.background_top),
+        bottom=rows * (landscape.background_fraction - portrait.background_top),
+        left=0.0,
+        right=float(width),
+        vertical_fov_rad=math.atan(portrait.top) - math.atan(portrait.bottom),
+        fov_source="given",
+        input_height=landscape.height,
+        input_width=landscape.width,
+    )
+    return background(stored, framing)
+
+
 def normalise(
     backgrounds: UInt8[np.ndarray, "*batch height width 3"],
 ) -> Float32[np.ndarray, "*batch 3 height width"]:

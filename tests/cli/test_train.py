@@ -9,9 +9,10 @@ pytest.importorskip("torch")
 
 from deeplight.cli.main import main
 from deeplight.errors import ConfigError, ModelError
-from deeplight.training.config import RunConfig, preset
+from deeplight.training.config import RunConfig
+from deeplight.training.devices import fabric
 from deeplight.training.imagenet import read_folded
-from deeplight.training.loop import fabric
+from deeplight.training.presets import preset
 
 
 @pytest.mark.parametrize(

@@ -18,13 +18,15 @@ from deeplight.errors import ConfigError, DataSetError, ModelError  # noqa: E402
 from deeplight.sphere import PAPER_RIG  # noqa: E402
 from deeplight.training import checkpoint, loop  # noqa: E402
 from deeplight.training.batches import BatchSource, ExampleBytes, Order  # noqa: E402
-from deeplight.training.config import TrainConfig, preset  # noqa: E402
-from deeplight.training.loop import BEST, train  # noqa: E402
+from deeplight.training.config import TrainConfig  # noqa: E402
+from deeplight.training.loop import BEST, Run, train  # noqa: E402
+from deeplight.training.presets import preset  # noqa: E402
 from deeplight.training.release import contract_of, load_best  # noqa: E402
 
 COUNTS = {"train": 12, "val_indoor": 3, "val_outdoor": 3}
 
-# Everything that has a state or draws random numbers is on: batch norm, average, dropout, noise.
+# Everything that has a state or draws random numbers is on: batch norm, average, dropout, noise;
+# and the discriminator, as in the preset `paper`.
 SETTINGS = (
     "schedule.batch_size=2",
     "schedule.steps=6",
@@ -110,7 +112,7 @@ def same_run(folder: Path, other: Path) -> bool:
 KILLED = """
 import sys
 from pathlib import Path
-from deeplight.training.config import preset
+from deeplight.training.presets import preset
 from deeplight.training.loop import train
 data, out, *settings = sys.argv[1:]
 train(Path(data), Path(out), preset("paper", settings))
@@ -131,6 +133,28 @@ def test_a_run_killed_and_resumed_is_the_uninterrupted_run(data, whole, tmp_path
     train(data, tmp_path, settings())
     assert len(rows(tmp_path, "losses.csv")) == 6
     assert same_run(tmp_path, whole)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_a_run_killed_ten_times_is_the_uninterrupted_run(data, tmp_path):
+    """At random moments, whatever is being written just then."""
+    more = ("schedule.steps=40", "run.checkpoint_every=1")
+    train(data, tmp_path / "whole", settings(*more))
+    folder, random, kills = tmp_path / "killed", np.random.default_rng(0), 0
+    while kills < 10:
+        before = checkpoint.latest(folder)
+        arguments = [sys.executable, "-c", KILLED, str(data), str(folder), *SETTINGS, *more]
+        process = subprocess.Popen(arguments)
+        while checkpoint.latest(folder) == before and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(random.uniform(0.0, 0.6))
+        assert process.poll() is None, f"finished after {kills} kills"
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        kills += 1
+    train(data, folder, settings(*more))
+    assert same_run(folder, tmp_path / "whole")
 
 
 def test_another_seed_is_another_run(data, whole, tmp_path):
@@ -182,6 +206,33 @@ def test_a_loss_that_is_not_finite_stops_the_run_and_saves_its_batch(data, tmp_p
     assert checkpoint.latest(tmp_path) is None
 
 
+@pytest.mark.parametrize("broken", ["loss", "discriminator"])
+def test_the_last_good_weights_survive_a_loss_that_is_not_finite(
+    data, tmp_path, monkeypatch, broken
+):
+    """Step 3 breaks, after the checkpoint of step 2."""
+    honest = Run.train_step
+
+    def breaking(run, batch):
+        if run.step == 3:
+            hurt = run.generator if broken == "loss" else run.adversary.discriminator
+            for parameter in hurt.parameters():
+                parameter.data.fill_(float("nan"))
+        return honest(run, batch)
+
+    monkeypatch.setattr(Run, "train_step", breaking)
+    with pytest.raises(ConfigError, match=r"at step 3.*step-00000002"):
+        train(data, tmp_path, settings("run.log_every=4"))
+    header, states = checkpoint.load(checkpoint.latest(tmp_path))
+    assert header.step == 2
+    assert all(tensor.isfinite().all() for group in states.values() for tensor in group.values())
+    assert (tmp_path / "not-finite-step-00000003.safetensors").exists()
+
+    monkeypatch.undo()  # and the run goes on from there
+    train(data, tmp_path, settings("run.log_every=4"))
+    assert checkpoint.load(checkpoint.latest(tmp_path))[0].step == 6
+
+
 @pytest.mark.parametrize("workers", [0, 1])
 def test_reading_from_disk_and_from_memory_give_the_same_batches(data, workers):
     examples = ExampleBytes(open_dataset(data).index("train"), ["paper"])
@@ -199,8 +250,8 @@ def test_reading_from_disk_and_from_memory_give_the_same_batches(data, workers):
 
 
 def test_what_cannot_be_trained_is_refused(data, tmp_path):
-    with pytest.raises(ConfigError, match="orientation"):
-        train(data, tmp_path, settings("network.orientation=landscape"))
+    with pytest.raises(ConfigError, match="multiple of devices"):
+        train(data, tmp_path, settings("run.devices=3"))
     with pytest.raises(DataSetError, match="unseen_indoor"):
         train(data, tmp_path, settings('data.validation_splits=["unseen_indoor"]'))
     with pytest.raises(ModelError):

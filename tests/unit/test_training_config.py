@@ -11,8 +11,9 @@ pytest.importorskip("torch")
 from deeplight.errors import ConfigError
 from deeplight.io.run_record import write_run_toml
 from deeplight.sphere import SPHERES
-from deeplight.training.config import PRESETS, differences, flatten, preset
+from deeplight.training.config import differences, flatten
 from deeplight.training.optimiser import ScheduleConfig
+from deeplight.training.presets import PRESETS, preset
 
 
 def test_the_paper_preset_has_the_papers_numbers():

@@ -15,8 +15,8 @@ from deeplight.training.validation import SphereErrors
 class TrainProgress:
     """A progress bar with loss and images per second; a table after each validation."""
 
-    def __init__(self) -> None:
-        self.console = Console()
+    def __init__(self, quiet: bool = False) -> None:
+        self.console = Console(quiet=quiet)
         self.bar = Progress(
             TextColumn("training"),
             BarColumn(),

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
 from deeplight.camera_response import GAMMA
+from deeplight.training.devices import ALONE, Share
 
 
 @dataclass(frozen=True)
@@ -67,25 +68,30 @@ def prepare(
     )
 
 
-def augment(inputs: Inputs, config: AugmentConfig) -> Inputs:
-    """A new random version of the batch; draws nothing for what is switched off."""
+def augment(inputs: Inputs, config: AugmentConfig, share: Share = ALONE) -> Inputs:
+    """A new random version of the batch; draws nothing for what is switched off.
+
+    `share` says which rows of the whole batch these are; it is the whole batch that is drawn for.
+    """
     if config.exposure_stops or config.white_balance:
-        inputs = jitter(inputs, config.exposure_stops, config.white_balance)
+        inputs = jitter(inputs, config.exposure_stops, config.white_balance, share)
     if config.channel_shuffle:
-        inputs = shuffle_channels(inputs, config.channel_shuffle)
+        inputs = shuffle_channels(inputs, config.channel_shuffle, share)
     if config.flip:
-        inputs = flip(inputs)
+        inputs = flip(inputs, share)
     photo = inputs.photo
     if config.noise:
-        photo = photo + config.noise * torch.randn_like(photo)
+        whole = torch.cat([photo] * share.ranks) if share.ranks > 1 else photo
+        photo = photo + config.noise * share.own(torch.randn_like(whole))
     if config.cutout:
-        photo = cut_out(photo, config.cutout)
+        photo = cut_out(photo, config.cutout, share)
     return replace(inputs, photo=photo)
 
 
-def flip(inputs: Inputs) -> Inputs:
+def flip(inputs: Inputs, share: Share = ALONE) -> Inputs:
     """Mirror a random half of the photos and mark them."""
-    flipped = (torch.rand(len(inputs.photo)) < 0.5).to(inputs.photo.device, non_blocking=True)
+    drawn = share.own(torch.rand(share.whole(len(inputs.photo))))
+    flipped = (drawn < 0.5).to(inputs.photo.device, non_blocking=True)
     photo = torch.where(flipped[:, None, None, None], inputs.photo.flip(-1), inputs.photo)
     return replace(inputs, photo=photo, flipped=flipped)
 
@@ -97,39 +103,43 @@ def turn_back(
     return torch.where(flipped[:, None, None, None], log_radiance.flip(-1), log_radiance)
 
 
-def jitter(inputs: Inputs, exposure_stops: float, white_balance: float) -> Inputs:
+def jitter(
+    inputs: Inputs, exposure_stops: float, white_balance: float, share: Share = ALONE
+) -> Inputs:
     """One linear gain per example and channel on photo and spheres alike, clipped at white.
 
     What was clipped already does not come back when the gain is below 1: a camera that does
     not exist, which may be why the paper found no benefit.
     """
-    n, device = len(inputs.photo), inputs.photo.device
+    n, device = share.whole(len(inputs.photo)), inputs.photo.device
     stops = exposure_stops * torch.randn(n, 1)
-    gain = torch.exp2(stops) * torch.exp(white_balance * torch.randn(n, 3))
+    gain = share.own(torch.exp2(stops) * torch.exp(white_balance * torch.randn(n, 3)))
     pixel_gain = (gain ** (1.0 / GAMMA)).to(device, non_blocking=True)
     photo = ((inputs.photo + 0.5) * pixel_gain[:, :, None, None]).clamp_max(1.0) - 0.5
     spheres = (inputs.spheres * pixel_gain[:, None, :, None]).clamp_max(1.0)
     return replace(inputs, photo=photo, spheres=spheres)
 
 
-def shuffle_channels(inputs: Inputs, share: float) -> Inputs:
-    """Permute red, green and blue of a random `share` of the examples."""
-    n, device = len(inputs.photo), inputs.photo.device
+def shuffle_channels(inputs: Inputs, part: float, share: Share = ALONE) -> Inputs:
+    """Permute red, green and blue of a random `part` of the examples."""
+    n, device = share.whole(len(inputs.photo)), inputs.photo.device
     permuted = torch.rand(n, 3).argsort(1)
-    chosen = torch.rand(n, 1) < share
-    order = torch.where(chosen, permuted, torch.arange(3)).to(device, non_blocking=True)
+    chosen = torch.rand(n, 1) < part
+    order = share.own(torch.where(chosen, permuted, torch.arange(3)))
+    order = order.to(device, non_blocking=True)
     photo = inputs.photo.gather(1, order[:, :, None, None].expand_as(inputs.photo))
     spheres = inputs.spheres.gather(2, order[:, None, :, None].expand_as(inputs.spheres))
     return replace(inputs, photo=photo, spheres=spheres)
 
 
 def cut_out(
-    photo: Float[Tensor, "n 3 height width"], largest: float
+    photo: Float[Tensor, "n 3 height width"], largest: float, share: Share = ALONE
 ) -> Float[Tensor, "n 3 height width"]:
     """Set one random rectangle of each photo to mid-grey."""
-    n, (height, width) = len(photo), photo.shape[2:]
+    n, (height, width) = share.whole(len(photo)), photo.shape[2:]
     size = largest * torch.rand(n, 2)
     start = torch.rand(n, 2) * (1.0 - size)
+    size, start = share.own(size), share.own(start)
     first, last = start.to(photo.device), (start + size).to(photo.device)
     row = (torch.arange(height, device=photo.device) + 0.5) / height
     column = (torch.arange(width, device=photo.device) + 0.5) / width

@@ -11,6 +11,10 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
 from deeplight.dataset import SplitIndex
+from deeplight.errors import ConfigError
+from deeplight.preprocess import landscape_background
+from deeplight.training.devices import ALONE, Share
+from deeplight.training.generator import PHOTO_SIZE, Orientation
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,18 @@ class Batch(NamedTuple):
 
 
 class ExampleBytes(Dataset[Batch]):
-    """The examples of a split as tensors of bytes; a rig is its index in `rig_names`."""
+    """The examples of a split as tensors of bytes; a rig is its index in `rig_names`.
 
-    def __init__(self, index: SplitIndex, rig_names: Sequence[str]) -> None:
-        self.index = index
+    For the landscape network portrait backgrounds are cut to their middle.
+    """
+
+    def __init__(
+        self,
+        index: SplitIndex,
+        rig_names: Sequence[str],
+        orientation: Orientation = "portrait",
+    ) -> None:
+        self.index, self.orientation = index, orientation
         numbers = {name: number for number, name in enumerate(rig_names)}
         self.rigs = torch.tensor([numbers[name] for name in index.rigs.tolist()])
 
@@ -50,6 +62,8 @@ class ExampleBytes(Dataset[Batch]):
 
     def __getitem__(self, number: int) -> Batch:
         background, spheres = self.index.pixels(number)
+        if self.orientation == "landscape" and len(background) == PHOTO_SIZE["portrait"][0]:
+            background = landscape_background(background)
         return Batch(torch.tensor(background), torch.tensor(spheres), self.rigs[number])
 
 
@@ -104,16 +118,17 @@ def balanced_order(
 
 @dataclass(frozen=True)
 class StepIndices:
-    """Sampler over the batches of the steps from `start` to `stop`."""
+    """Sampler over the batches of the steps from `start` to `stop`: this process's rows of each."""
 
     order: Order
     batch_size: int
     start: int
     stop: int
+    share: Share = ALONE
 
     def __iter__(self) -> Iterator[list[int]]:
         for step in range(self.start, self.stop):
-            yield self.order.batch(step, self.batch_size).tolist()
+            yield self.share.own(self.order.batch(step, self.batch_size)).tolist()
 
     def __len__(self) -> int:
         return self.stop - self.start
@@ -155,28 +170,45 @@ def to_device(batch: Batch, device: torch.device) -> Batch:
 
 
 class BatchSource:
-    """Batches of the steps of a run, on the device."""
+    """Batches of the steps of a run, on the device: this process's rows of each."""
 
     def __init__(
-        self, examples: ExampleBytes, config: DataConfig, order: Order, device: torch.device
+        self,
+        examples: ExampleBytes,
+        config: DataConfig,
+        order: Order,
+        device: torch.device,
+        share: Share = ALONE,
     ) -> None:
         self.examples, self.config, self.order, self.device = examples, config, order, device
+        self.share = share
         self.table: Batch | None = None
         if decoded_gib(examples) <= config.preload_gib:
             self.table = to_device(preload(examples, config.workers), device)
 
     def batches(self, batch_size: int, start: int, stop: int) -> Iterator[Batch]:
-        """The batches of the steps from `start` to `stop`."""
+        """The batches of the steps from `start` to `stop`; `batch_size` is that of the whole."""
         if self.table is not None:
             for step in range(start, stop):
-                yield take(self.table, self.order.batch(step, batch_size))
+                yield take(self.table, self.share.own(self.order.batch(step, batch_size)))
             return
         loader = DataLoader(
             self.examples,
-            batch_sampler=StepIndices(self.order, batch_size, start, stop),
+            batch_sampler=StepIndices(self.order, batch_size, start, stop, self.share),
             num_workers=self.config.workers,
             prefetch_factor=2 if self.config.workers else None,
             pin_memory=self.device.type == "cuda",
         )
         for batch in loader:
             yield to_device(Batch(*batch), self.device)
+
+
+def refuse_other_size(examples: ExampleBytes, orientation: Orientation) -> None:
+    """Landscape backgrounds need the landscape network."""
+    expected, (height, width, _) = PHOTO_SIZE[orientation], examples[0].photo.shape
+    if (height, width) != expected:
+        raise ConfigError(
+            f"photos of {expected[0]} x {expected[1]} for network.orientation={orientation}",
+            f"{height} x {width}",
+            "choose the other orientation",
+        )

@@ -12,10 +12,11 @@ from typing import Any
 import safetensors
 import torch
 from safetensors.torch import load_file, save_file
-from torch import Tensor
+from torch import Tensor, nn
 
-from deeplight.errors import ModelError
+from deeplight.errors import ConfigError, ModelError
 from deeplight.io.atomic import replacing
+from deeplight.training.config import TrainConfig, differences
 
 KEPT = 2
 
@@ -115,3 +116,33 @@ def remove_old(run_dir: Path, keep: int = KEPT) -> None:
     paths = sorted((run_dir / "checkpoints").glob("step-*.safetensors"))
     for path in paths[:-keep]:
         path.unlink(missing_ok=True)
+
+
+def load_weights(generator: nn.Module, path: Path) -> None:
+    """Start a network from the weights of an earlier run of the same shape.
+
+    Raises:
+        ModelError: the file cannot be read, or is of another network.
+    """
+    _, states = load(path)
+    try:
+        generator.load_state_dict(states["generator"])
+    except (KeyError, RuntimeError) as error:
+        raise ModelError(
+            "weights of a network with the same `network` settings",
+            f"{path} of another",
+            "give the best.safetensors of such a run, or its settings",
+        ) from error
+
+
+def refuse_other_run(header: Header, config: TrainConfig, manifest: str, run_dir: Path) -> None:
+    """A folder holds one run: other settings or other data need another folder."""
+    changes = differences(header.settings, config)
+    if header.manifest != manifest:
+        changes.append("the data set")
+    if changes:
+        raise ConfigError(
+            f"the settings that the run in {run_dir} was started with",
+            f"changes of {'; '.join(changes)}",
+            "undo them or give another --out",
+        )

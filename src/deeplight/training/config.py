@@ -1,15 +1,15 @@
-"""The settings of a training run, nested by subject, and its presets."""
+"""The settings of a training run, nested by subject."""
 
 import dataclasses
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from deeplight.errors import ConfigError
-from deeplight.sphere import SPHERES
 from deeplight.training.augment import AugmentConfig
 from deeplight.training.batches import DataConfig
+from deeplight.training.discriminator import AdversarialConfig
 from deeplight.training.generator import NetworkConfig
 from deeplight.training.losses import LossConfig
 from deeplight.training.optimiser import OptimiserConfig, ScheduleConfig
@@ -22,6 +22,10 @@ class RunConfig:
     seed: int = 0
     accelerator: str = "auto"
     """As Lightning Fabric names them: auto, cpu, cuda, mps."""
+    devices: int = 1
+    """Devices of each machine; a batch is divided among all of them."""
+    nodes: int = 1
+    """Machines."""
     precision: Literal["32-true", "bf16-mixed"] = "32-true"
     compile: bool = False
     """torch.compile the generator."""
@@ -39,10 +43,14 @@ class RunConfig:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """Everything that decides what a run learns; the defaults are the paper's numbers."""
+    """Everything that decides what a run learns; the defaults are the paper's numbers.
+
+    The adversarial term is off unless a preset of table 1's first row switches it on.
+    """
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
     loss: LossConfig = field(default_factory=LossConfig)
+    adversarial: AdversarialConfig = field(default_factory=AdversarialConfig)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
     augment: AugmentConfig = field(default_factory=AugmentConfig)
@@ -54,82 +62,12 @@ class TrainConfig:
 FREE_TO_CHANGE = (
     "data.workers",
     "data.preload_gib",
+    "run.devices",
+    "run.nodes",
     "run.compile",
     "run.checkpoint_every",
     "run.time_limit_minutes",
 )
-
-PAPER = TrainConfig()
-
-# Two CPU cores, or any GPU, and about a hundred places: what those places can teach is learnt
-# in some 40,000 samples, and then the network starts to know them by heart. Every value here
-# was chosen on the validation places; docs/results.md has the measurements.
-SMALL = TrainConfig(
-    network=NetworkConfig(latent_dropout=0.3),
-    loss=LossConfig(mirror=0.4, matte_silver=0.2, diffuse=0.4),
-    optimiser=OptimiserConfig(
-        learning_rate=1e-3,
-        weight_decay=0.05,
-        encoder_lr_factor=0.5,
-        ema_decay=0.998,
-        max_gradient_norm=1.0,
-    ),
-    schedule=ScheduleConfig(batch_size=64, steps=1000, shape="cosine", warmup_steps=60),
-    augment=AugmentConfig(cutout=0.4, noise=0.01, channel_shuffle=0.5),
-    data=DataConfig(place_balanced=True),
-    run=RunConfig(validate_every=125, checkpoint_every=125),
-)
-
-# The same run on one GPU: nothing the network learns from differs but the rounding.
-GPU = replace(
-    SMALL,
-    data=replace(SMALL.data, workers=14, preload_gib=16.0, validation_examples=2048),
-    run=replace(SMALL.run, precision="bf16-mixed"),
-)
-
-
-def only(config: TrainConfig, *spheres: str) -> TrainConfig:
-    """The same run taught by these spheres alone, as the rows L1(m), L1(s), L1(d) of table 1."""
-    weights = [
-        w if name in spheres else 0.0
-        for name, w in zip(SPHERES, config.loss.weights(), strict=True)
-    ]
-    mirror, matte_silver, diffuse = (weight / sum(weights) for weight in weights)
-    loss = replace(config.loss, mirror=mirror, matte_silver=matte_silver, diffuse=diffuse)
-    return replace(config, loss=loss)
-
-
-PRESETS: dict[str, TrainConfig] = {
-    "paper": PAPER,
-    "paper-m": only(PAPER, "mirror"),
-    "paper-s": only(PAPER, "matte_silver"),
-    "paper-d": only(PAPER, "diffuse"),
-    "small": SMALL,
-    "small-m": only(SMALL, "mirror"),
-    "small-s": only(SMALL, "matte_silver"),
-    "small-d": only(SMALL, "diffuse"),
-    "gpu": GPU,
-    "gpu-m": only(GPU, "mirror"),
-    "gpu-s": only(GPU, "matte_silver"),
-    "gpu-d": only(GPU, "diffuse"),
-}
-
-
-def preset(name: str, settings: Sequence[str] = ()) -> TrainConfig:
-    """A preset with settings such as "optimiser.learning_rate=3e-4" changed.
-
-    Raises:
-        ConfigError: no such preset or key, or a value of another type or below its least.
-    """
-    if name not in PRESETS:
-        raise ConfigError(f"a preset of {', '.join(PRESETS)}", name, "choose one of these")
-    changes: dict[str, Any] = {}
-    for setting in settings:
-        key, separator, text = setting.partition("=")
-        if not separator:
-            raise ConfigError("a setting as KEY=VALUE", setting, "write loss.form=paper, say")
-        changes[key.strip()] = parse(text.strip())
-    return changed(PRESETS[name], changes)
 
 
 def parse(text: str) -> Any:
@@ -186,9 +124,15 @@ def flatten(config: TrainConfig) -> dict[str, Any]:
 
 def differences(old: Mapping[str, Any], config: TrainConfig) -> list[str]:
     """What a run started with `old` settings may not change when it is resumed with `config`."""
-    new = {key: list(v) if isinstance(v, tuple) else v for key, v in flatten(config).items()}
+    new, neutral = plain(config), plain(TrainConfig())
+    was = {**{key: neutral[key] for key in new}, **old}  # a setting younger than the run was off
     return [
-        f"{key} {old.get(key)} -> {new.get(key)}"
-        for key in sorted({*old, *new})
-        if key not in FREE_TO_CHANGE and old.get(key) != new.get(key)
+        f"{key} {was.get(key)} -> {new.get(key)}"
+        for key in sorted({*was, *new})
+        if key not in FREE_TO_CHANGE and was.get(key) != new.get(key)
     ]
+
+
+def plain(config: TrainConfig) -> dict[str, Any]:
+    """The settings by dotted key, as JSON gives them back."""
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in flatten(config).items()}

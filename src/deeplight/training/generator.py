@@ -17,6 +17,7 @@ from deeplight.training.mobilenet_v2 import (
     ConvNorm,
     MobileNetV2Encoder,
     Norm,
+    scaled,
 )
 
 Orientation = Literal["portrait", "landscape"]
@@ -25,6 +26,7 @@ Orientation = Literal["portrait", "landscape"]
 PHOTO_SIZE: dict[Orientation, tuple[int, int]] = {"portrait": (192, 135), "landscape": (144, 192)}
 FEATURE_SIZE: dict[Orientation, tuple[int, int]] = {"portrait": (6, 5), "landscape": (5, 6)}
 LATENT_GRID = 4  # the latent vector becomes a 4 x 4 picture
+OUTPUT_SIZES = (16, 32, 64)
 START_RADIANCE = 0.3  # a grey room: nothing is clipped, so every sphere teaches from step one
 START_SPREAD = 0.1  # standard deviation of ln radiance before training, about
 
@@ -45,28 +47,48 @@ class NetworkConfig:
     """Norm of the fully connected layer and the decoder, always without one at the end."""
     latent_dropout: float = 0.0
     """Share of the latent vector dropped in training."""
+    width: float = 1.0
+    """Channels of the encoder as a share of MobileNetV2's; the published smaller ones have 0.5 and
+    0.35. ImageNet weights are for 1.0."""
+    output_size: int = 32
+    """Pixels along the mirror ball: 16, 32 or 64."""
 
 
 class Decoder(nn.Module):
-    """Latent vector -> 4 x 4 picture -> three times (bilinear x2, 3x3 convolution) -> 32 x 32."""
+    """Latent vector -> 4 x 4 picture -> three times (bilinear x2, 3x3 convolution) -> 32 x 32.
 
-    def __init__(self, latent_size: int, widths: tuple[int, int], norm: Norm) -> None:
+    A ball of 16 leaves the second convolution out, one of 64 has one more of half its width.
+    """
+
+    def __init__(
+        self, latent_size: int, widths: tuple[int, int], norm: Norm, output_size: int = 32
+    ) -> None:
         super().__init__()
         self.channels = latent_size // LATENT_GRID**2
-        self.up1 = ConvNorm(self.channels, widths[0], norm)
-        self.up2 = ConvNorm(widths[0], widths[1], norm)
-        self.up3 = nn.Conv2d(widths[1], 3, 3, padding=1)  # linear: radiance has no upper bound
+        last = widths[0]
+        self.up1 = ConvNorm(self.channels, last, norm)
+        self.up2: nn.Module | None = None
+        self.more: nn.Module | None = None
+        if output_size >= 32:
+            self.up2, last = ConvNorm(last, widths[1], norm), widths[1]
+        if output_size == 64:
+            half = max(1, last // 2)
+            self.more, last = ConvNorm(last, half, norm), half
+        self.up3 = nn.Conv2d(last, 3, 3, padding=1)  # linear: radiance has no upper bound
 
-    def forward(self, latent: Float[Tensor, "n latent"]) -> Float[Tensor, "n 3 32 32"]:
+    def forward(self, latent: Float[Tensor, "n latent"]) -> Float[Tensor, "n 3 size size"]:
         x = latent.reshape(-1, self.channels, LATENT_GRID, LATENT_GRID)  # (n, 16, 4, 4)
         x = self.up1(twice_as_large(x))  # (n, 64, 8, 8)
-        x = self.up2(twice_as_large(x))  # (n, 32, 16, 16)
+        if self.up2 is not None:
+            x = self.up2(twice_as_large(x))  # (n, 32, 16, 16)
+        if self.more is not None:
+            x = self.more(twice_as_large(x))  # (n, 16, 32, 32)
         log_radiance: Tensor = self.up3(twice_as_large(x))  # (n, 3, 32, 32)
         return log_radiance
 
 
 class Generator(nn.Module):
-    """Photo in [-0.5, 0.5] -> ln radiance on the 32 x 32 mirror ball, camera frame.
+    """Photo in [-0.5, 0.5] -> ln radiance on the mirror ball (32 x 32), camera frame.
 
     Batch norm and ReLU6 follow every layer but the last (Implementation Details), which is linear.
     """
@@ -76,9 +98,15 @@ class Generator(nn.Module):
         config = config or NetworkConfig()
         if config.latent_size % LATENT_GRID**2:
             raise ConfigError("latent_size a multiple of 16", str(config.latent_size), "change it")
-        self.encoder = MobileNetV2Encoder(config.encoder_norm, freeze_blocks)
+        if config.output_size not in OUTPUT_SIZES or config.width <= 0:
+            raise ConfigError(
+                f"network.output_size one of {OUTPUT_SIZES} and network.width above 0",
+                f"{config.output_size} and {config.width:g}",
+                "change it",
+            )
+        self.encoder = MobileNetV2Encoder(config.encoder_norm, freeze_blocks, config.width)
         height, width = FEATURE_SIZE[config.orientation]
-        features = FEATURE_CHANNELS * height * width  # 160 * 6 * 5 = 4,800
+        features = scaled(FEATURE_CHANNELS, config.width) * height * width  # 160 * 6 * 5 = 4,800
         self.latent: nn.Module = nn.Linear(features, config.latent_size)
         self.latent_norm: nn.Module = (
             nn.BatchNorm1d(config.latent_size, eps=BATCH_NORM_EPSILON)
@@ -87,7 +115,9 @@ class Generator(nn.Module):
         )
         self.activation = nn.ReLU6()
         self.dropout = nn.Dropout(config.latent_dropout)
-        self.decoder = Decoder(config.latent_size, config.decoder_widths, config.decoder_norm)
+        self.decoder = Decoder(
+            config.latent_size, config.decoder_widths, config.decoder_norm, config.output_size
+        )
         self.initialise()
 
     def initialise(self) -> None:
@@ -102,7 +132,7 @@ class Generator(nn.Module):
         assert last.bias is not None
         nn.init.constant_(last.bias, math.log(START_RADIANCE))
 
-    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 32 32"]:
+    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 size size"]:
         # Contiguous first: the flatten order is NCHW's, whatever the memory format.
         features = self.encoder(photo).contiguous().flatten(1)  # (n, 4800)
         latent = self.activation(self.latent_norm(self.latent(features)))  # (n, 256)

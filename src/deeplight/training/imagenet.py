@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from deeplight.errors import ModelError
-from deeplight.training.mobilenet_v2 import ConvNorm, MobileNetV2Encoder
+from deeplight.training.mobilenet_v2 import STEM_CHANNELS, ConvNorm, MobileNetV2Encoder
 
 # The weights were trained on photos in [-1, 1]; ours are in [-0.5, 0.5].
 INPUT_GAIN = 2.0
@@ -26,16 +26,22 @@ def load_imagenet(encoder: MobileNetV2Encoder, path: Path, photos: Tensor | None
 
     Raises:
         OSError: there is no such file, or reading it is not permitted.
-        ModelError: the file is damaged, lacks a layer or has another shape, or batch norm has no
-            photos.
+        ModelError: the file is damaged, lacks a layer or has another shape, the encoder has
+            another width, or batch norm has no photos.
     """
     arrays = read_folded(path)
+    stem = dict(named_convolutions(encoder))["features.0"].conv.out_channels
+    if stem != STEM_CHANNELS:
+        raise ModelError(
+            "network.width=1.0 for ImageNet weights, which exist for that width only",
+            f"a stem of {stem} instead of {STEM_CHANNELS} channels",
+            "leave --imagenet out or set network.width=1.0",
+        )
     folded = MobileNetV2Encoder("none")
     for name, layer in named_convolutions(folded):
         copy_folded(layer.conv, arrays, name, path)
     with torch.no_grad():
-        stem = dict(named_convolutions(folded))["features.0"]
-        stem.conv.weight.mul_(INPUT_GAIN)
+        dict(named_convolutions(folded))["features.0"].conv.weight.mul_(INPUT_GAIN)
     batch_normed = isinstance(dict(named_convolutions(encoder))["features.0"].norm, nn.BatchNorm2d)
     if not batch_normed:
         encoder.load_state_dict(folded.state_dict())

@@ -6,6 +6,7 @@ that is killed and resumed therefore goes on exactly as if it had not been.
 
 import time
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -14,26 +15,29 @@ import torch
 from torch import Tensor, nn
 
 from deeplight.dataset import DataSet, open_dataset
-from deeplight.errors import ConfigError, ModelError
+from deeplight.errors import ConfigError
 from deeplight.io.atomic import replacing
 from deeplight.io.run_record import write_run_toml
 from deeplight.sphere import SPHERES
-from deeplight.training import checkpoint
+from deeplight.training import checkpoint, devices
+from deeplight.training.adversary import Adversary
 from deeplight.training.augment import Inputs, augment, prepare, turn_back
-from deeplight.training.batches import Batch, BatchSource, ExampleBytes, Order
-from deeplight.training.config import RunConfig, TrainConfig, differences, flatten
+from deeplight.training.batches import (
+    Batch,
+    BatchSource,
+    ExampleBytes,
+    Order,
+    refuse_other_size,
+)
+from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
-from deeplight.training.generator import PHOTO_SIZE, Generator, Orientation
+from deeplight.training.devices import ALONE, Share
+from deeplight.training.generator import Generator
 from deeplight.training.imagenet import load_imagenet
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
-from deeplight.training.record import RunRecord
+from deeplight.training.record import RunRecord, Window
 from deeplight.training.validation import SphereErrors, Validation, score, some_of
-
-try:  # the same Fabric comes in two packages
-    from lightning_fabric import Fabric
-except ImportError:
-    from lightning.fabric import Fabric  # type: ignore[no-redef]
 
 BEST = "best.safetensors"
 CONSTANT = "constant_log_radiance.npy"
@@ -57,7 +61,7 @@ Watch = Callable[[Progress], None]
 
 
 def train(
-    data_dir: Path,
+    data_dir: Path | str,
     run_dir: Path,
     config: TrainConfig,
     imagenet: Path | None = None,
@@ -67,7 +71,8 @@ def train(
     """Train into `run_dir`, or go on where its newest checkpoint stopped.
 
     A new run's encoder starts from `imagenet`, or its whole network from `weights`, the
-    best.safetensors of an earlier run. Gives the errors of the last validation.
+    best.safetensors of an earlier run. Gives the errors of the last validation. On several
+    devices every process runs this; only the first writes, watches and gives errors.
 
     Raises:
         DataSetError: the data set is missing, broken or without the splits the settings name.
@@ -96,47 +101,64 @@ class Run:
         resumed = checkpoint.latest(run_dir)
         saved = checkpoint.load(resumed) if resumed else None
         if saved:
-            refuse_other_run(saved[0], config, self.manifest, run_dir)
-        self.fabric = fabric(config.run)
+            checkpoint.refuse_other_run(saved[0], config, self.manifest, run_dir)
+        self.fabric = devices.fabric(config.run, config.schedule.batch_size)
         self.device: torch.device = self.fabric.device
-        self.read_data(data)
+        self.open_splits(data)
+        self.fabric.launch()  # after everything that refuses: one process tells it
+        self.share = Share(self.fabric.global_rank, self.fabric.world_size)
+        self.read_data()
         self.build_network(None if saved or weights else imagenet, None if saved else weights)
         self.step, self.best_score = 0, float("inf")
         if saved:
             self.restore(*saved)
         facts = {
             "seed": config.run.seed,
-            "data": str(data.folder),
+            "data": data.address,
             "manifest_sha256": self.manifest,
             "examples": len(self.examples),
             "steps": self.total,
             "imagenet": str(imagenet or ""),
             "weights": str(weights or ""),
             "resumed_at": self.step,
-            "device": device_name(self.device),
+            "device": devices.device_name(self.device),
+            "devices": self.share.ranks,
         }
-        write_run_toml(run_dir, asdict(config), facts)
-        self.record = RunRecord(run_dir, self.step)
+        if self.first:
+            write_run_toml(run_dir, asdict(config), facts)
+        self.record = RunRecord(run_dir, self.step, config.adversarial.enabled, self.first)
 
-    def read_data(self, data: DataSet) -> None:
-        """Open the splits; decode what is held in memory."""
-        config = self.config.data
+    @property
+    def first(self) -> bool:
+        """Whether this is the process that writes."""
+        return self.share.rank == 0
+
+    def open_splits(self, data: DataSet) -> None:
+        """Find the examples of every split and what the rigs' spheres look like."""
+        config, network = self.config.data, self.config.network
         names = list(data.rigs)
-        self.bases = RigBases.from_rigs(list(data.rigs.values())).to(self.device)
-        index = data.index(config.train_split)
-        self.examples = ExampleBytes(index, names)
-        refuse_other_size(self.examples, self.config.network.orientation)
+        self.rigs = list(data.rigs.values())
+        self.splits = {
+            split: ExampleBytes(data.index(split), names, network.orientation)
+            for split in (config.train_split, *config.validation_splits)
+        }
+        self.examples = self.splits[config.train_split]
+        refuse_other_size(self.examples, network.orientation)
+        self.total = self.config.schedule.total_steps(len(self.examples))
+
+    def read_data(self) -> None:
+        """Decode what is held in memory."""
+        config, index = self.config.data, self.examples.index
+        self.bases = RigBases.from_rigs(self.rigs, self.config.network.output_size).to(self.device)
         places = index.places if config.place_balanced else None
         self.order = Order(len(index), self.config.run.seed, places)
-        self.source = BatchSource(self.examples, config, self.order, self.device)
+        self.source = BatchSource(self.examples, config, self.order, self.device, self.share)
         tables = {
-            split: some_of(
-                ExampleBytes(data.index(split), names), config.validation_examples, config.workers
-            )
+            split: some_of(self.splits[split], config.validation_examples, config.workers)
             for split in config.validation_splits
+            if self.first
         }
         self.validation = Validation(tables, self.bases, self.device)
-        self.total = self.config.schedule.total_steps(len(index))
 
     def build_network(self, imagenet: Path | None, weights: Path | None) -> None:
         """The generator and what moves it, from the seed and what a new run starts from."""
@@ -147,7 +169,8 @@ class Run:
             some = some_of(self.examples, CALIBRATION_PHOTOS, config.data.workers)
             load_imagenet(self.generator.encoder, imagenet, prepare(*some).photo)
         if weights is not None:
-            load_weights(self.generator, weights)
+            checkpoint.load_weights(self.generator, weights)
+        devices.over_all_devices(self.generator, self.share)
         # Photos arrive colour-last in memory; convolutions are fastest when weights are too.
         self.generator.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.optimiser = make_optimiser(self.generator, config.optimiser)
@@ -157,7 +180,11 @@ class Run:
             module = torch.compile(module)  # type: ignore[assignment]
         self.network, self.fabric_optimiser = self.fabric.setup(module, self.optimiser)
         self.judged = Generator(config.network).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.judge = self.fabric.setup(self.judged)
+        self.adversary = (
+            Adversary(config, self.bases, self.fabric, self.share)
+            if config.adversarial.enabled
+            else None
+        )
 
     def restore(self, header: checkpoint.Header, states: dict[str, dict[str, Tensor]]) -> None:
         """Put the state of a checkpoint back."""
@@ -166,15 +193,20 @@ class Run:
         for name, value in states["average"].items():
             self.average.state[name].copy_(value)
         checkpoint.load_optimiser(self.optimiser, states["optimiser"])
+        if self.adversary is not None:
+            self.adversary.restore(states)
 
     def save(self) -> None:
         """Write a checkpoint of this step."""
+        if not self.first:
+            return
         checkpoint.save(
             checkpoint.checkpoint_path(self.run_dir, self.step),
             self.header(),
             generator=self.generator.state_dict(),
             average=self.average.state,
             optimiser=checkpoint.optimiser_state(self.optimiser),
+            **(self.adversary.states() if self.adversary else {}),
         )
         checkpoint.remove_old(self.run_dir)
 
@@ -186,14 +218,14 @@ class Run:
         config, batch_size = self.config.run, self.config.schedule.batch_size
         started = time.monotonic()
         self.compare_with_constant()
-        window = Window(self.step)
+        window = Window(self.step, self.record.reported)
         errors: list[SphereErrors] = []
         self.network.train()
         for batch in self.source.batches(batch_size, self.step, self.total):
             window.add(self.train_step(batch))
             self.step += 1
             last = self.step == self.total
-            overdue = 0 < config.time_limit_minutes * 60 < time.monotonic() - started
+            overdue = self.overdue(started)
             checkpoint_due = last or overdue or self.step % config.checkpoint_every == 0
             validation_due = last or self.step % config.validate_every == 0
             if checkpoint_due or validation_due or self.step % config.log_every == 0:
@@ -203,28 +235,38 @@ class Run:
                     progress = replace(progress, errors=errors)
                 if checkpoint_due:
                     self.save()
-                watch(progress)
-                window = Window(self.step)
+                if self.first:
+                    watch(progress)
+                window = Window(self.step, self.record.reported)
             if overdue:
                 break
         self.record.draw()
         return errors
 
-    def inputs(self, batch: Batch, step: int) -> Inputs:
-        """The augmented batch of a step; seeds everything that is random in it."""
+    def overdue(self, started: float) -> bool:
+        """Whether the time limit is over, by the first process's clock."""
+        limit = self.config.run.time_limit_minutes * 60
+        over = 0 < limit < time.monotonic() - started
+        return bool(self.fabric.broadcast(over)) if limit > 0 else over
+
+    def inputs(self, batch: Batch, step: int, share: Share) -> Inputs:
+        """The augmented rows of a step's batch; seeds everything that is random in it."""
         torch.manual_seed(step_seed(self.config.run.seed, step))
-        return augment(prepare(*batch), self.config.augment)
+        return augment(prepare(*batch), self.config.augment, share)
 
     def train_step(self, batch: Batch) -> LossTerms:
-        """One step of Adam on one batch."""
+        """One step of Adam on one batch, of D first if there is one."""
         config = self.config
         factor = config.schedule.factor(self.step, self.total)
-        set_learning_rate(self.optimiser, config.optimiser.learning_rate * factor)
-        inputs = self.inputs(batch, self.step)
+        learning_rate = config.optimiser.learning_rate * factor
+        set_learning_rate(self.optimiser, learning_rate)
+        inputs = self.inputs(batch, self.step, self.share)
         log_radiance = turn_back(self.network(inputs.photo), inputs.flipped)
         terms = reconstruction_terms(
             self.bases, config.loss, log_radiance, inputs.spheres, inputs.rig
         )
+        if self.adversary is not None:
+            terms = self.adversary.join(terms, log_radiance, inputs, learning_rate)
         self.fabric_optimiser.zero_grad()
         self.fabric.backward(terms.total())
         if config.optimiser.max_gradient_norm > 0:
@@ -238,14 +280,14 @@ class Run:
     def log(self, window: "Window") -> Progress:
         """A row of losses.csv: the mean over the steps of the window."""
         config = self.config
-        losses, reported = window.values()
-        self.refuse_divergence(losses, window.start)
+        losses, reported = window.values(self.share)
+        self.refuse_divergence(np.column_stack((losses, reported)), window.start)
         speed = len(losses) * config.schedule.batch_size / (time.monotonic() - window.started)
         row = {
             "step": self.step,
             "images": self.step * config.schedule.batch_size,
             "loss": float(losses.mean()),
-            **dict(zip(SPHERES, reported.mean(0).tolist(), strict=True)),
+            **dict(zip(window.names, reported.mean(0).tolist(), strict=True)),
             "learning_rate": self.optimiser.param_groups[0]["lr"]
             / self.optimiser.param_groups[0]["factor"],
             "images_per_second": round(speed, 2),
@@ -254,23 +296,30 @@ class Run:
         return Progress(self.step, self.total, row["loss"], speed)
 
     def refuse_divergence(self, losses: np.ndarray, start: int) -> None:
-        """Stop on a loss that is not finite and save its batch, but no checkpoint."""
-        if np.isfinite(losses).all():
+        """Stop on a loss that is not finite; save its batch, but neither checkpoint nor best."""
+        finite = np.isfinite(losses).all(1)
+        if finite.all():
             return
-        step = start + int(np.argmin(np.isfinite(losses)))
-        size = self.config.schedule.batch_size
-        inputs = self.inputs(next(self.source.batches(size, step, step + 1)), step)
+        step = start + int(np.argmin(finite))
         path = self.run_dir / f"not-finite-step-{step:08d}.safetensors"
-        checkpoint.save(path, self.header(), batch=asdict(inputs))
+        if self.first:
+            source = copy(self.source)
+            source.share = ALONE  # every device's rows
+            batch = next(source.batches(self.config.schedule.batch_size, step, step + 1))
+            checkpoint.save(path, self.header(), batch=asdict(self.inputs(batch, step, ALONE)))
+        kept = checkpoint.latest(self.run_dir)
         raise ConfigError(
             "a finite loss",
-            f"{losses[step - start]} at step {step}",
-            f"lower optimiser.learning_rate; the batch is in {path}",
+            f"{losses[step - start, 0]} at step {step}",
+            f"lower optimiser.learning_rate; the batch is in {path}, the last good weights in "
+            f"{kept or 'no checkpoint yet'}",
         )
 
     def compare_with_constant(self) -> None:
         """Fit the constant lighting to the training split, once per run, and measure it."""
         path, steps = self.run_dir / CONSTANT, self.config.run.constant_steps
+        if not self.first:
+            return
         if not path.exists() and steps > 0:
             some = some_of(self.examples, CONSTANT_EXAMPLES, self.config.data.workers)
             q = fit_log_radiance(self.bases, some.spheres, some.rig, self.config.loss, steps)
@@ -281,9 +330,14 @@ class Run:
 
     def validate(self) -> list[SphereErrors]:
         """Measure the averaged weights on the validation splits; keep them if they are the best."""
+        if not self.first:
+            return []
         self.judged.load_state_dict(self.average.state)
-        errors = self.validation.measure(self.judge)
+        with self.fabric.autocast():
+            errors = self.validation.measure(self.judged)
         self.record.add_validation(self.step, errors)
+        if self.adversary is not None and self.adversary.pictures is not None:
+            self.record.add_pictures(self.step, *self.adversary.pictures)
         if errors:
             weights = dict(zip(SPHERES, self.config.loss.weights(), strict=True))
             found = score(errors, weights)
@@ -294,79 +348,6 @@ class Run:
         return errors
 
 
-class Window:
-    """The losses of some steps, left on the device so that no step waits for them."""
-
-    def __init__(self, start: int) -> None:
-        self.start, self.started = start, time.monotonic()
-        self.losses: list[Tensor] = []
-        self.reported: list[Tensor] = []
-
-    def add(self, terms: LossTerms) -> None:
-        self.losses.append(terms.total().detach())
-        self.reported.append(torch.stack([terms.reported[name] for name in SPHERES]))
-
-    def values(self) -> tuple[np.ndarray, np.ndarray]:
-        """The losses (steps,) and each sphere's masked L1 (steps, spheres)."""
-        return torch.stack(self.losses).cpu().numpy(), torch.stack(self.reported).cpu().numpy()
-
-
-def refuse_other_run(
-    header: checkpoint.Header, config: TrainConfig, manifest: str, run_dir: Path
-) -> None:
-    """A folder holds one run: other settings or other data need another folder."""
-    changes = differences(header.settings, config)
-    if header.manifest != manifest:
-        changes.append("the data set")
-    if changes:
-        raise ConfigError(
-            f"the settings that the run in {run_dir} was started with",
-            f"changes of {'; '.join(changes)}",
-            "undo them or give another --out",
-        )
-
-
-def refuse_other_size(examples: ExampleBytes, orientation: Orientation) -> None:
-    """Portrait photos need the portrait network."""
-    expected, (height, width, _) = PHOTO_SIZE[orientation], examples[0].photo.shape
-    if (height, width) != expected:
-        raise ConfigError(
-            f"photos of {expected[0]} x {expected[1]} for network.orientation={orientation}",
-            f"{height} x {width}",
-            "choose the other orientation",
-        )
-
-
-def fabric(config: RunConfig) -> Fabric:
-    """Fabric on one device; a ConfigError where this machine has no such accelerator."""
-    try:
-        return Fabric(accelerator=config.accelerator, devices=1, precision=config.precision)
-    except (ValueError, RuntimeError) as error:  # of Fabric's own checks
-        raise ConfigError("an accelerator of this machine", str(error), "use auto or cpu") from None
-
-
-def load_weights(generator: Generator, path: Path) -> None:
-    """Start a network from the weights of an earlier run of the same shape.
-
-    Raises:
-        ModelError: the file cannot be read, or is of another network.
-    """
-    _, states = checkpoint.load(path)
-    try:
-        generator.load_state_dict(states["generator"])
-    except (KeyError, RuntimeError) as error:
-        raise ModelError(
-            "weights of a network with the same `network` settings",
-            f"{path} of another",
-            "give the best.safetensors of such a run, or its settings",
-        ) from error
-
-
 def step_seed(seed: int, step: int) -> int:
     """A seed for everything random in one step."""
     return int(np.random.SeedSequence([seed, step]).generate_state(1, np.uint64)[0])
-
-
-def device_name(device: torch.device) -> str:
-    """The accelerator's name, or cpu."""
-    return torch.cuda.get_device_name(device) if device.type == "cuda" else device.type

@@ -27,10 +27,7 @@ Reduction = Literal["mean", "sum"]
 
 @dataclass(frozen=True)
 class LossConfig:
-    """Weights and form of the reconstruction loss; defaults are the paper's numbers.
-
-    The adversarial term of equation 5 joins here with its own weight, 1 - lambda_rec.
-    """
+    """Weights and form of the reconstruction loss; defaults are the paper's numbers."""
 
     mirror: float = LOSS_WEIGHTS["mirror"]
     matte_silver: float = LOSS_WEIGHTS["matte_silver"]
@@ -72,22 +69,24 @@ class RigBases(nn.Module):
         return cls(torch.from_numpy(np.stack(basis)), torch.from_numpy(np.stack(mask)))
 
     def render(
-        self, log_radiance: Float[Tensor, "n 3 size size"], rig: Int[Tensor, "n"]
+        self,
+        log_radiance: Float[Tensor, "n 3 size size"],
+        rig: Int[Tensor, "n"],
+        spheres: slice = slice(None),
     ) -> Float[Tensor, "n sphere 3 pixel"]:
-        """Equation 2: linear radiance of every sphere of each example's own rig.
+        """Equation 2: linear radiance of every sphere, or of `spheres`, of each example's own rig.
 
         `rig` stays on the CPU: grouping by rig must not wait for the accelerator.
         """
         with torch.autocast(log_radiance.device.type, enabled=False):
             radiance = log_radiance.float().exp().flatten(2)  # (n, 3, light)
-            if len(self.basis) == 1:
-                return relight(self.basis[0], radiance)
-            rendered = radiance.new_empty(
-                len(radiance), self.basis.shape[1], 3, self.basis.shape[2]
-            )
+            basis = self.basis[:, spheres]
+            if len(basis) == 1:
+                return relight(basis[0], radiance)
+            rendered = radiance.new_empty(len(radiance), basis.shape[1], 3, basis.shape[2])
             for index in sorted(set(rig.tolist())):
                 rows = (rig == index).nonzero()[:, 0].to(radiance.device, non_blocking=True)
-                rendered = rendered.index_copy(0, rows, relight(self.basis[index], radiance[rows]))
+                rendered = rendered.index_copy(0, rows, relight(basis[index], radiance[rows]))
             return rendered
 
     def masks(self, rig: Int[Tensor, "n"]) -> Float[Tensor, "n sphere 1 pixel"]:
@@ -167,9 +166,9 @@ class LossTerms:
     """The weighted terms of the objective by name (equation 6), and what is only reported."""
 
     weighted: Mapping[str, Tensor]
-    """Scalars to be added up: "reconstruction"; an adversarial term is one more entry."""
+    """Scalars to be added up: "reconstruction", and "adversarial" where there is a D."""
     reported: Mapping[str, Tensor]
-    """Masked L1 per sphere, unweighted, detached."""
+    """Masked L1 per sphere, and what is told of D, unweighted, detached."""
 
     def total(self) -> Tensor:
         return torch.stack(tuple(self.weighted.values())).sum()

@@ -2,7 +2,8 @@
 
 Section 3.2 of LeGendre et al., CVPR 2019: "the first 17 MobileNetV2 layers" are the stem and
 sixteen inverted residual blocks, `features[0:17]` of the width 1.0 network. A (3, 192, 135)
-photo becomes (160, 6, 5) features, and so does its landscape twin in (160, 5, 6).
+photo becomes (160, 6, 5) features, and so does its landscape twin in (160, 5, 6). In smaller
+networks every width is scaled, as in the MobileNetV2 paper.
 """
 
 from typing import Literal
@@ -27,6 +28,7 @@ STAGES = (
 STEM_CHANNELS = 32
 FEATURE_CHANNELS = 160
 LAYERS = 17
+CHANNEL_MULTIPLE = 8
 BATCH_NORM_EPSILON = 1e-3  # as in the TensorFlow network
 
 
@@ -83,22 +85,23 @@ class InvertedResidual(nn.Module):
 
 
 class MobileNetV2Encoder(nn.Module):
-    """`features[0:17]` of MobileNetV2 1.0.
+    """`features[0:17]` of MobileNetV2, `width` times as wide as the published 1.0 network.
 
     The stem and the first `freeze_blocks` blocks run without gradients and in evaluation mode
     when `freeze_blocks` > 0; 0 trains everything.
     """
 
-    def __init__(self, norm: Norm = "batch", freeze_blocks: int = 0) -> None:
+    def __init__(self, norm: Norm = "batch", freeze_blocks: int = 0, width: float = 1.0) -> None:
         super().__init__()
-        features: list[nn.Module] = [ConvNorm(3, STEM_CHANNELS, norm, stride=2)]
-        channels = STEM_CHANNELS
-        for expansion, width, blocks, stride in STAGES:
+        channels = scaled(STEM_CHANNELS, width)
+        features: list[nn.Module] = [ConvNorm(3, channels, norm, stride=2)]
+        for expansion, full, blocks, stride in STAGES:
+            wide = scaled(full, width)
             for block in range(blocks):
                 features.append(
-                    InvertedResidual(channels, width, expansion, stride if block == 0 else 1, norm)
+                    InvertedResidual(channels, wide, expansion, stride if block == 0 else 1, norm)
                 )
-                channels = width
+                channels = wide
         self.features = nn.ModuleList(features)
         self.frozen_layers = freeze_blocks + 1 if freeze_blocks > 0 else 0
         self.features[: self.frozen_layers].requires_grad_(False)
@@ -108,7 +111,7 @@ class MobileNetV2Encoder(nn.Module):
         self.features[: self.frozen_layers].eval()  # frozen batch norm keeps its statistics
         return self
 
-    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 160 h w"]:
+    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n channels h w"]:
         x = photo
         with torch.no_grad():
             for layer in self.features[: self.frozen_layers]:
@@ -116,6 +119,13 @@ class MobileNetV2Encoder(nn.Module):
         for layer in self.features[self.frozen_layers :]:
             x = layer(x)
         return x
+
+
+def scaled(channels: int, width: float) -> int:
+    """`width` times as many channels, as a multiple of 8 that is not more than 10 % too few."""
+    wanted = channels * width
+    nearest = max(CHANNEL_MULTIPLE, int(wanted / CHANNEL_MULTIPLE + 0.5) * CHANNEL_MULTIPLE)
+    return nearest if nearest >= 0.9 * wanted else nearest + CHANNEL_MULTIPLE
 
 
 def batch_norm(channels: int) -> nn.BatchNorm2d:

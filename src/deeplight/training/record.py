@@ -1,15 +1,23 @@
 """What a run leaves for people: CSV tables, TensorBoard scalars, curves as a picture."""
 
 import csv
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import torch
+from torch import Tensor
+
 from deeplight.io.atomic import replacing
 from deeplight.sphere import SPHERES
+from deeplight.training.devices import Share, mean_over
+from deeplight.training.losses import LossTerms
 from deeplight.training.validation import SphereErrors
 
-LOSS_COLUMNS = ("step", "images", "loss", *SPHERES, "learning_rate", "images_per_second")
+ABOUT_D = ("adversarial", "d_loss", "d_real", "d_fake")
+"""G's adversarial term, D's loss, and D's accuracy on filmed and on predicted balls."""
 VALIDATION_COLUMNS = ("step", "split", *SPHERES, *(f"constant_{name}" for name in SPHERES))
 
 
@@ -40,21 +48,55 @@ def read_csv(path: Path) -> list[dict[str, str]]:
         return [row for row in csv.DictReader(file) if None not in row.values()]
 
 
-class RunRecord:
-    """The tables of a run and their TensorBoard twins."""
+def loss_columns(reported: Sequence[str]) -> tuple[str, ...]:
+    """The columns of losses.csv."""
+    return ("step", "images", "loss", *reported, "learning_rate", "images_per_second")
 
-    def __init__(self, run_dir: Path, resume_step: int) -> None:
+
+class Window:
+    """The losses of some steps, left on the device so that no step waits for them."""
+
+    def __init__(self, start: int, names: Sequence[str]) -> None:
+        self.start, self.started = start, time.monotonic()
+        self.names = names
+        self.losses: list[Tensor] = []
+        self.reported: list[Tensor] = []
+
+    def add(self, terms: LossTerms) -> None:
+        self.losses.append(terms.total().detach())
+        self.reported.append(torch.stack([terms.reported[name] for name in self.names]))
+
+    def values(self, share: Share) -> tuple[np.ndarray, np.ndarray]:
+        """The losses (steps,) and each reported number (steps, names), means over all devices."""
+        losses, reported = torch.stack(self.losses), torch.stack(self.reported)
+        if share.ranks > 1:
+            losses, reported = mean_over(losses, share), mean_over(reported, share)
+        return losses.cpu().numpy(), reported.cpu().numpy()
+
+
+class RunRecord:
+    """The tables of a run and their TensorBoard twins; in all processes but one it does nothing."""
+
+    def __init__(
+        self, run_dir: Path, resume_step: int, adversarial: bool = False, writes: bool = True
+    ) -> None:
+        self.run_dir, self.writes = run_dir, writes
+        self.reported = (*SPHERES, *ABOUT_D) if adversarial else SPHERES
+        if not writes:
+            return
         from torch.utils.tensorboard import SummaryWriter  # slow to import
 
-        self.run_dir = run_dir
-        self.losses = CsvTable(run_dir / "losses.csv", LOSS_COLUMNS, resume_step)
+        columns = loss_columns(self.reported)
+        self.losses = CsvTable(run_dir / "losses.csv", columns, resume_step)
         self.validation = CsvTable(run_dir / "validation.csv", VALIDATION_COLUMNS, resume_step)
         self.board = SummaryWriter(str(run_dir / "tensorboard"), purge_step=resume_step + 1)
 
     def add_losses(self, row: Mapping[str, float]) -> None:
-        """One row of `LOSS_COLUMNS`."""
+        """One row of losses.csv."""
+        if not self.writes:
+            return
         self.losses.add(row)
-        for name in ("loss", *SPHERES, "learning_rate", "images_per_second"):
+        for name in loss_columns(self.reported)[2:]:
             self.board.add_scalar(f"train/{name}", row[name], int(row["step"]))
 
     def add_validation(self, step: int, errors: Sequence[SphereErrors]) -> None:
@@ -66,12 +108,19 @@ class RunRecord:
                 self.board.add_scalar(f"{e.split}/{name}", e.model[name], step)
         self.board.flush()
 
+    def add_pictures(self, step: int, real: Tensor, fake: Tensor) -> None:
+        """What D saw of one batch: filmed mirror balls above the predicted ones."""
+        rows = [torch.cat(tuple(balls), dim=-1) for balls in (real, fake)]
+        self.board.add_image("mirror, filmed over predicted", torch.cat(rows, dim=-2), step)
+
     def draw(self) -> None:
         """Draw curves.png from the tables."""
-        draw_curves(self.run_dir)
+        if self.writes:
+            draw_curves(self.run_dir)
 
     def close(self) -> None:
-        self.board.close()
+        if self.writes:
+            self.board.close()
 
 
 def draw_curves(run_dir: Path) -> None:

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from deeplight.contract import ModelContract
-from deeplight.errors import ConfigError, ModelError
+from deeplight.errors import ModelError
 from deeplight.training import checkpoint
 from deeplight.training.config import TrainConfig, changed, flatten
-from deeplight.training.generator import PHOTO_SIZE, Generator, fold_batch_norm
+from deeplight.training.generator import Generator, fold_batch_norm
 from deeplight.training.loop import BEST
 
 
@@ -40,19 +40,11 @@ def contract_of(header: checkpoint.Header, data: str = "") -> ModelContract:
     Args:
         header: of the run's best weights.
         data: what it was trained on, in words.
-
-    Raises:
-        ConfigError: the network is not for the trained camera's portrait photos.
     """
     config = settings_of(header)
-    if config.network.orientation != "portrait":
-        raise ConfigError(
-            "a portrait network, whose camera is known",
-            config.network.orientation,
-            "call export_onnx with a ModelContract of your own camera",
-        )
-    height, width = PHOTO_SIZE[config.network.orientation]
     samples = header.step * config.schedule.batch_size
     facts = (data, f"step {header.step}, {samples} photos seen, data {header.manifest[:12]}")
     trained_on = "; ".join(fact for fact in facts if fact)
-    return ModelContract(width=width, height=height, trained_on=trained_on)
+    landscape = config.network.orientation == "landscape"
+    make = ModelContract.landscape if landscape else ModelContract
+    return make(output_size=config.network.output_size, trained_on=trained_on)
