@@ -1,20 +1,21 @@
-"""Film the three reference spheres in HDR panoramas with a simulated phone: a data set.
+"""Film the three reference spheres in HDR panoramas with a simulated phone.
 
 deeplight simulate --hdri my_panoramas --out data/sim
+deeplight simulate --hdri my_panoramas --out data/films --video --film.troubles all
 
-Any folder of .hdr or .exr panoramas works; a manifest.csv in it (file, split, place, scene,
-licence, synthetic_ground) decides splits by place. Killed and run again, it goes on where it
-was. A contact sheet of the result lies beside the shards.
+The first makes a data set to train on, with a contact sheet beside its shards; --recipe.* are
+its settings. With --video it makes clips as a phone records them, for `deeplight capture`, with
+what is true of them beside each; --film.* are its settings. Any folder of .hdr or .exr
+panoramas works; a manifest.csv in it (file, split, place, scene, licence, synthetic_ground)
+decides splits by place. Killed and run again, both go on where they were.
 """
 
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from deeplight.simulate.film.recipe import FilmRecipe
 from deeplight.simulate.run import Recipe
 
 
@@ -25,32 +26,22 @@ class Args:
     hdri: Path
     """Folder of HDR panoramas."""
     out: Path
-    """Folder of the data set; an unfinished one with the same settings is continued."""
+    """Folder of the result; an unfinished one with the same settings is continued."""
     recipe: Recipe = field(default_factory=Recipe)
-    """What to film."""
+    """What a data set holds."""
     workers: int = 0
-    """Processes; 0 is one per core."""
+    """Processes for a data set; 0 is one per core."""
+    video: bool = False
+    """Make video clips with their ground truth instead of a data set."""
+    film: FilmRecipe = field(default_factory=FilmRecipe)
+    """What the clips are, with --video."""
 
 
 def run(args: Args) -> None:
-    from deeplight.dataset import open_dataset
-    from deeplight.dataset.contact_sheet import write_contact_sheet
-    from deeplight.simulate.run import plan, simulate
+    from deeplight.cli.simulate_modes import data_set, films
 
     console = Console()
-    shards, simulation = plan(args.hdri, args.out, args.recipe)
-    missing = sum(job.count for job in shards.missing())
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    start = time.perf_counter()
-    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
-        task = bar.add_task("filming", total=missing)
-        manifest = simulate(shards, simulation, args.workers, lambda n: bar.advance(task, n))
-    seconds = time.perf_counter() - start
-    sheet = write_contact_sheet(open_dataset(args.out), args.out / "contact_sheet.png")
-    for split in manifest.splits:
-        console.print(
-            f"{split}: {manifest.examples(split)} in {len(manifest.places(split))} places"
-        )
-    for item in manifest.skipped:
-        console.print(escape(f"skipped {item.file}: {item.reason}"), style="yellow")
-    console.print(f"{missing / seconds:.0f} images/s; look at {sheet}")
+    if args.video:
+        films(args.hdri, args.out, args.film, console)
+    else:
+        data_set(args.hdri, args.out, args.recipe, args.workers, console)

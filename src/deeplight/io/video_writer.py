@@ -20,6 +20,14 @@ TICKS = 90_000  # a second; what phones use for uneven frame times
 _BT709, _BT2020, _HLG, _LIMITED = 1, 9, 18, 1  # FFmpeg's numbers
 
 
+def require_video(needed_for: str) -> None:
+    """Raise MissingExtraError unless videos can be written."""
+    try:
+        import av  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("capture", needed_for) from error
+
+
 class VideoWriter:
     """An .mp4 that appears whole when the `with` block ends, and not at all after an error.
 
@@ -66,10 +74,9 @@ class VideoWriter:
         self._count = 0
 
     def __enter__(self) -> Self:
-        try:
-            import av
-        except ImportError as error:
-            raise MissingExtraError("capture", f"writing {self._path.name}") from error
+        require_video(f"writing {self._path.name}")
+        import av
+
         temporary = self._replacing.__enter__()
         try:
             self._container = av.open(str(temporary), "w", format="mp4")

@@ -204,7 +204,7 @@ def _with_troubles(habits: Habits, troubles: tuple[str, ...]) -> Habits:
     if "dark" in troubles:
         habits = replace(habits, bias_stops=-2.5, noise=max(habits.noise, 1e-3) * 4)
     if "over_exposed" in troubles:
-        habits = replace(habits, bias_stops=2.0, highlight_share=0.6)
+        habits = replace(habits, bias_stops=1.3, highlight_share=0.4)
     if "hlg10" in troubles:  # a standard's curve, not a maker's
         habits = replace(habits, gamma=GAMMA, contrast=0.0)
     return habits

@@ -8,7 +8,7 @@ from deeplight.simulate.phone import PHONES
 TROUBLES = {
     "low_texture": "the place has no fine texture",
     "dark": "two and a half stops too dark, noisy, a long shutter",
-    "over_exposed": "two stops too bright",
+    "over_exposed": "more than a stop too bright, highlights blown",
     "partly_out": "the outer sphere hangs partly out of the frame",
     "hand": "a finger covers part of a sphere for part of the clip",
     "dropped_frames": "frames are missing, and so are their times",

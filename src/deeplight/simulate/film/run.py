@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 from deeplight.dataset import Skipped
 from deeplight.errors import ConfigError, DataSetError, InputError
 from deeplight.io.atomic import replacing
-from deeplight.io.video_writer import VideoWriter
+from deeplight.io.video_writer import VideoWriter, require_video
 from deeplight.simulate import panorama
 from deeplight.simulate.film.clip import Clip
 from deeplight.simulate.film.recipe import FilmRecipe
@@ -20,7 +20,7 @@ from deeplight.simulate.film.truth import TruthWriter, truth_paths
 from deeplight.simulate.panorama import Place
 
 CLIPS = "clips"
-RECORD = "films.json"
+RECORD, SKIPPED = "films.json", "skipped.json"
 _UNSAFE = re.compile(r"[^A-Za-z0-9_-]")
 
 
@@ -68,9 +68,12 @@ def plan_films(folder: Path, out: Path, recipe: FilmRecipe) -> FilmSet:
     ground is made up are left out.
 
     Raises:
-        DataSetError: no panoramas of that split, or `out` holds films of another recipe.
+        ConfigError: `out` holds films of another recipe.
+        DataSetError: no panoramas of that split, or a file where `out` should be.
+        MissingExtraError: the `capture` extra, which encodes video, is not installed.
         OSError: `out` cannot be written.
     """
+    require_video("filming")
     places = [
         place
         for place in panorama.places_in(folder)
@@ -96,29 +99,46 @@ def plan_films(folder: Path, out: Path, recipe: FilmRecipe) -> FilmSet:
     return FilmSet(out, recipe, tuple(jobs))
 
 
-def film_all(films: FilmSet) -> Iterator[int | Skipped]:
-    """Film what is missing; gives the number of frames whenever some are done.
+def film_all(
+    films: FilmSet, progress: Callable[[int], None] = lambda frames: None
+) -> tuple[Skipped, ...]:
+    """Film what is missing; panoramas that cannot be used are told, and noted in `SKIPPED`.
 
-    A panorama that cannot be used is told, and its clip is left out.
+    Args:
+        films: from `plan_films`.
+        progress: told the number of frames whenever some are done.
 
     Raises:
-        DataSetError: not one clip could be filmed.
-        MissingExtraError: the `capture` extra, which encodes video, is not installed.
+        DataSetError: not one clip could be filmed; the folder is taken away again if that empties
+            it.
         OSError: the folder cannot be written; finished clips stay, to go on with.
     """
+    skipped = []
     for job in films.missing():
         try:
             radiance = panorama.load(job.place)
         except (OSError, InputError) as error:
-            yield Skipped(job.place.path.name, str(error))
+            skipped.append(Skipped(job.place.path.name, str(error)))
+            progress(films.recipe.frames)
             continue
-        yield from film_clip(job, radiance, films.recipe)
+        film_clip(job, radiance, films.recipe, progress)
     if len(films.missing()) == len(films.jobs):
-        raise DataSetError("at least one usable panorama", "none", "repair them")
+        _discard(films.out)
+        reasons = "; ".join(f"{item.file}: {item.reason}" for item in skipped)
+        raise DataSetError("at least one usable panorama", f"none ({reasons[:400]})", "repair them")
+    if skipped:
+        with replacing(films.out / SKIPPED) as temporary:
+            temporary.write_text(json.dumps([asdict(item) for item in skipped], indent=1) + "\n")
+    return tuple(skipped)
 
 
-def film_clip(job: ClipJob, radiance: np.ndarray, recipe: FilmRecipe) -> Iterator[int]:
-    """Film one clip; gives 1 for every frame. Its video appears whole, its truth after it."""
+def film_clip(
+    job: ClipJob,
+    radiance: np.ndarray,
+    recipe: FilmRecipe,
+    progress: Callable[[int], None] = lambda frames: None,
+) -> None:
+    """Film one clip. Its video appears whole, its truth after it."""
     clip = Clip(radiance, job.place.scene, recipe, job.troubles, list(job.seed))
     truth = TruthWriter(clip, job.place)
     camera, codec = clip.camera, "libx265" if "hlg10" in job.troubles else "libx264"
@@ -128,8 +148,15 @@ def film_clip(job: ClipJob, radiance: np.ndarray, recipe: FilmRecipe) -> Iterato
             if not frame.dropped:
                 video.write(frame.pixels, frame.time_s)
             truth.add(frame)
-            yield 1
+            progress(1)
     truth.write(job.path)
+
+
+def _discard(out: Path) -> None:
+    """Take the record away, and the folder if it holds nothing else."""
+    (out / RECORD).unlink(missing_ok=True)
+    if not any(out.iterdir()):
+        out.rmdir()
 
 
 def _remember(out: Path, described: dict[str, object]) -> None:

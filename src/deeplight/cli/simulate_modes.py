@@ -1,0 +1,53 @@
+"""What `deeplight simulate` does and prints, one function for each kind of result."""
+
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from deeplight.simulate.film.recipe import FilmRecipe
+from deeplight.simulate.run import Recipe
+
+
+def data_set(hdri: Path, out: Path, recipe: Recipe, workers: int, console: Console) -> None:
+    """Film a data set and its contact sheet."""
+    from deeplight.dataset import open_dataset
+    from deeplight.dataset.contact_sheet import write_contact_sheet
+    from deeplight.simulate.run import plan, simulate
+
+    shards, simulation = plan(hdri, out, recipe)
+    missing = sum(job.count for job in shards.missing())
+    start = time.perf_counter()
+    with _bar(console) as bar:
+        task = bar.add_task("filming", total=missing)
+        manifest = simulate(shards, simulation, workers, lambda n: bar.advance(task, n))
+    seconds = time.perf_counter() - start
+    sheet = write_contact_sheet(open_dataset(out), out / "contact_sheet.png")
+    for split in manifest.splits:
+        console.print(
+            f"{split}: {manifest.examples(split)} in {len(manifest.places(split))} places"
+        )
+    for item in manifest.skipped:
+        console.print(escape(f"skipped {item.file}: {item.reason}"), style="yellow")
+    console.print(f"{missing / seconds:.0f} images/s; look at {sheet}")
+
+
+def films(hdri: Path, out: Path, recipe: FilmRecipe, console: Console) -> None:
+    """Film clips and their truth."""
+    from deeplight.simulate.film.run import film_all, plan_films
+
+    plan = plan_films(hdri, out, recipe)
+    with _bar(console) as bar:
+        task = bar.add_task("filming", total=len(plan.missing()) * recipe.frames)
+        skipped = film_all(plan, lambda frames: bar.advance(task, frames))
+    for item in skipped:
+        console.print(escape(f"skipped {item.file}: {item.reason}"), style="yellow")
+    made = len(plan.jobs) - len(plan.missing())
+    console.print(escape(f"{made} clips and their truth in {out / 'clips'}"))
+
+
+def _bar(console: Console) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    return Progress(*columns, TimeRemainingColumn(), console=console)
