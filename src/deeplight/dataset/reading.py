@@ -15,6 +15,7 @@ from deeplight.dataset.example import Example
 from deeplight.dataset.manifest import MANIFEST, Manifest, ShardRecord
 from deeplight.dataset.members import LIGHTING, SUFFIXES, decode_pixels, from_members, unreadable
 from deeplight.dataset.plan import PLAN
+from deeplight.dataset.remote import Remote, is_address
 from deeplight.dataset.shards import COLUMNS, ShardIndex, extents_in, index_path, sha256_of
 from deeplight.dataset.splits import TRAINING_SPLITS, splits_named
 from deeplight.errors import DataSetError
@@ -34,10 +35,11 @@ class SplitIndex:
         places, takes, scenes, rigs: of all examples, as arrays of text (to draw by place).
     """
 
-    def __init__(self, shards: list[Path]) -> None:
+    def __init__(self, shards: list[Path], remote: Remote | None = None) -> None:
         indices = [ShardIndex.load(index_path(path)) for path in shards]
         counts = [len(index.keys) for index in indices]
-        self._shards = shards
+        self._shards, self._remote = shards, remote
+        self._records = [index.record for index in indices]
         self._starts = np.cumsum([0, *counts])
         self._extents: Int64[np.ndarray, "examples suffixes 2"] = np.concatenate(
             [np.zeros((0, len(SUFFIXES), 2), np.int64), *(index.extents for index in indices)]
@@ -89,6 +91,8 @@ class SplitIndex:
     def _map(self, shard: int) -> mmap.mmap:
         if shard not in self._maps:
             path = self._shards[shard]
+            if self._remote is not None:
+                self._remote.shard(self._records[shard])
             try:
                 with path.open("rb") as file:
                     self._maps[shard] = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -102,10 +106,16 @@ class SplitIndex:
 
 @dataclass(frozen=True)
 class DataSet:
-    """A finished data set in a folder."""
+    """A finished data set in a folder, or at an address with copies in a folder."""
 
     folder: Path
     manifest: Manifest
+    remote: Remote | None = None
+
+    @property
+    def address(self) -> str:
+        """Where it lies: its folder, or its address."""
+        return str(self.folder) if self.remote is None else self.remote.address
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -134,7 +144,11 @@ class DataSet:
             do = f"choose one it has ({have}), or make one with `deeplight simulate`"
             raise DataSetError(f"examples of split {split!r} in {self.folder}", "none", do)
         records = [record for name in names for record in self.manifest.splits[name]]
-        return SplitIndex([self.folder / record.file for record in records if record.examples])
+        records = [record for record in records if record.examples]
+        if self.remote is not None:
+            for record in records:
+                self.remote.index(record)
+        return SplitIndex([self.folder / record.file for record in records], self.remote)
 
     def examples(self, split: str) -> Iterator[Example]:
         """Give the examples of a split or group one after another, in the order of the shards."""
@@ -149,6 +163,9 @@ class DataSet:
         """
         for split, records in self.manifest.splits.items():
             for record in records:
+                if self.remote is not None:
+                    self.remote.index(record)
+                    self.remote.shard(record)
                 _check_shard(self.folder / record.file, record, split)
             if split in TRAINING_SPLITS and self.manifest.examples(split):
                 index = self.index(split)
@@ -163,10 +180,16 @@ class DataSet:
 def open_dataset(folder: Path | str) -> DataSet:
     """Open the data set in `folder`; shards are looked at only when they are read.
 
+    `folder` may be an address that fsspec knows (s3://, gs://, http://, memory://, ...); then each
+    shard is copied to this machine when it is first read, see `remote`.
+
     Raises:
         DataSetError: no data set there, an unfinished one, one of another version, or a shard
-            is missing or cut short.
+            is missing or cut short, or the address cannot be reached.
     """
+    if is_address(folder):
+        remote = Remote.open(str(folder))
+        return DataSet(remote.folder, Manifest.load(remote.folder), remote)
     folder = Path(folder)
     if not folder.is_dir():
         raise DataSetError(f"a data set in {folder}", "no such folder", _MAKE.format(folder=folder))
