@@ -18,8 +18,12 @@ from deeplight.light_stage.lobe import PASSES, basis_weights, light_shares, unco
 from deeplight.light_stage.outline import Outline, find_sphere, sphere_at
 from deeplight.lighting import LIGHTING_SIZE
 from deeplight.reflectance import ReflectanceBasis, analytic_basis
+from deeplight.sphere import SphereView
 
 Advance = Callable[[int], None]
+
+_CALIBRATED = "the lights' own calibration"
+_UNSEEN = 0.03  # of the lights: more is a photograph gone wrong
 
 
 @dataclass(frozen=True)
@@ -184,41 +188,52 @@ def _light(
             do = "add them to the list, or a folder 'mirror' of photographs under the same lights"
             raise DataSetError("the directions of the lights", "none", do)
         colours = np.ones((len(lights.files), 3)) if lights.colours is None else lights.colours
-        given = "the lights' own calibration" if lights.calibrated else ""
+        given = _CALIBRATED if lights.calibrated else ""
         assert lights.directions is not None
         return _Light(lights.directions, colours, given)
+    view, place = outlines[MIRROR].view, _place_m(stage)
     seen, saturated = [], 0
     for file in lights.files:
         photograph, clipped = sphere.photograph(file)
-        place = _place_m(stage)
-        seen.append(find_highlight(photograph, cameras[MIRROR], outlines[MIRROR].view, place))
+        seen.append(find_highlight(photograph, cameras[MIRROR], view, place))
         saturated += clipped
         advance(1)
-    return _from_mirror(stage, seen, saturated, find)
+    return _from_mirror(stage, _none_missing(seen, view), saturated, find)
+
+
+def _none_missing(seen: list[Highlight | None], view: SphereView) -> list[Highlight]:
+    """A mirror ball shows every light but one straight behind it: there an unseen one stands."""
+    unseen = sum(highlight is None for highlight in seen)
+    if unseen > max(2, _UNSEEN * len(seen)):
+        got = f"{unseen} of {len(seen)} photographs without any"
+        do = "expose the mirror longer, or check its outline"
+        raise DataSetError("the image of a light in the mirror ball", got, do)
+    behind = Highlight(-view.ball_from_camera[2], np.ones(3), behind=True)
+    return [behind if highlight is None else highlight for highlight in seen]
 
 
 def _from_mirror(stage: StageFolder, seen: list[Highlight], saturated: int, find: bool) -> _Light:
     """What the mirror ball tells: where the lights are, and how bright in pixel values."""
     lights = stage.lights
     front = np.array([not highlight.behind for highlight in seen])
+    if not front.any():
+        raise DataSetError("lights in front of the mirror ball", "none", "check --fov and outline")
     bright = np.array([highlight.irradiance for highlight in seen])
-    directions = lights.directions
-    notes = []
+    directions, notes = lights.directions, []
     if find or directions is None:
         directions = np.array([highlight.direction for highlight in seen])
         notes.append(f"directions from the mirror ball; {(~front).sum()} at its rim are rough")
-    if not front.any():
-        raise DataSetError("lights in front of the mirror ball", "none", "check --fov and outline")
+    told = f"the mirror's {brdf.REFLECTIVITY[MIRROR]}"
     if lights.colours is None:
         colours = np.where(front[:, None], bright, np.median(bright[front], axis=0))
     elif lights.calibrated:
-        return _Light(directions, lights.colours, "the lights' own calibration", tuple(notes))
+        colours, told = lights.colours, _CALIBRATED
     else:
         colours = lights.colours * np.median(bright[front] / lights.colours[front], axis=0)
-    if saturated:
+    if saturated and told != _CALIBRATED:
         notes.append(f"{saturated} lights saturate in the mirror: they set no scale")
-        return _Light(directions, colours, "", tuple(notes))
-    return _Light(directions, colours, f"the mirror's {brdf.REFLECTIVITY[MIRROR]}", tuple(notes))
+        told = ""
+    return _Light(directions, colours, told, tuple(notes))
 
 
 def _crops(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, Int
 
 from deeplight import brdf, mirror_ball
 from deeplight.camera import PinholeCamera
@@ -12,8 +12,9 @@ from deeplight.simulate.stage_surfaces import SURFACES
 from deeplight.sphere import SphereView
 
 MIRROR = "mirror"
-_WINDOW_PX = 21  # about the image of a light in the mirror
-_WINDOW_SUPERSAMPLE = 16
+LENS_BLUR_PX = 0.6  # standard deviation: no lens is sharper than its pixels
+_WINDOW_PX = 15  # about the image of a light in the mirror
+_WINDOW_SUPERSAMPLE = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +44,12 @@ class Points:
 
     Attributes:
         inside: which samples of the picture show the sphere, (rows, columns).
+        places: row and column of those.
         normals, views: of those, camera frame.
     """
 
     inside: Bool[np.ndarray, "fine_rows fine_columns"]
+    places: Int[np.ndarray, "2 points"]
     normals: Float[np.ndarray, "points 3"]
     views: Float[np.ndarray, "points 3"]
 
@@ -58,7 +61,7 @@ def points_of(scene: Scene) -> Points:
     rays = turned(fine.rays(), scene.view.ball_from_camera)
     u, v = (rays[..., i] / -rays[..., 2] / np.tan(scene.view.angular_radius_rad) for i in (0, 1))
     inside = np.hypot(u, v) <= 1
-    return Points(inside, *scene.view.surface(u[inside], v[inside]))
+    return Points(inside, np.array(np.nonzero(inside)), *scene.view.surface(u[inside], v[inside]))
 
 
 def photographed(
@@ -74,14 +77,14 @@ def photographed(
     n_v, l_v = (n[lit] * v[lit]).sum(-1), (v[lit] * towards[lit]).sum(-1)
     shown = np.zeros(len(n))
     shown[lit] = SURFACES[material](n_l[lit], n_v, l_v) * gain[lit]
-    return averaged(scene, points.inside, shown)
+    return _averaged(scene, points.inside, shown)
 
 
 def in_white_light(
     scene: Scene, points: Points, reflectivity: float
 ) -> Float32[np.ndarray, "height width"]:
     """Radiance of the sphere in light of radiance 1 from everywhere."""
-    return averaged(scene, points.inside, np.full(len(points.normals), reflectivity))
+    return _averaged(scene, points.inside, np.full(len(points.normals), reflectivity))
 
 
 def reflectivity_of(material: str) -> float:
@@ -97,14 +100,28 @@ def reflectivity_of(material: str) -> float:
     return float((shown * solid_angle).sum(axis=1).mean())
 
 
-def averaged(
+def _averaged(
     scene: Scene, inside: Bool[np.ndarray, "fine_rows fine_columns"], values: np.ndarray
 ) -> Float32[np.ndarray, "height width"]:
     """Values at the samples on the sphere as pixels, black around it."""
     fine = np.zeros(inside.shape, np.float32)
     fine[inside] = values
     s = scene.supersample
-    return fine.reshape(scene.camera.height, s, scene.camera.width, s).mean(axis=(1, 3))
+    picture = fine.reshape(scene.camera.height, s, scene.camera.width, s).mean(axis=(1, 3))
+    return _blurred(picture, 1)
+
+
+def _blurred(picture: np.ndarray, supersample: int) -> np.ndarray:
+    """The picture through the lens."""
+    width = LENS_BLUR_PX * supersample
+    offsets = np.arange(-int(4 * width), int(4 * width) + 1)
+    kernel = np.exp(-(offsets**2) / (2 * width**2)).astype(np.float32)
+    for axis in (0, 1):
+        spread = np.zeros_like(picture)
+        for offset, weight in zip(offsets, kernel / kernel.sum(), strict=True):
+            spread += weight * np.roll(picture, offset, axis)
+        picture = spread
+    return picture
 
 
 def _towards(scene: Scene, normals: np.ndarray, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,8 +134,10 @@ def _towards(scene: Scene, normals: np.ndarray, light: np.ndarray) -> tuple[np.n
 def _mirrored(scene: Scene, points: Points, light: np.ndarray) -> np.ndarray:
     """The light's own image: a small bright patch, sampled finely where it lies."""
     camera, s, fine = scene.camera, scene.supersample, _WINDOW_SUPERSAMPLE
-    at = np.argmax(_light_seen(scene, points.normals, points.views, light, logarithm=True))
-    row, column = (index[at] // s for index in np.nonzero(points.inside))
+    some = slice(None, None, s)  # to know the window, one sample a pixel is enough
+    normals, views = points.normals[some], points.views[some]
+    at = s * int(np.argmax(_light_seen(scene, normals, views, light, logarithm=True)))
+    row, column = (int(index) // s for index in points.places[:, at])
     half_width, half_height = camera.tangents
     x = column - _WINDOW_PX // 2 + (np.arange(_WINDOW_PX * fine) + 0.5) / fine
     y = row - _WINDOW_PX // 2 + (np.arange(_WINDOW_PX * fine) + 0.5) / fine
@@ -130,6 +149,8 @@ def _mirrored(scene: Scene, points: Points, light: np.ndarray) -> np.ndarray:
     u, v = (rays[..., i] / -rays[..., 2] / np.tan(scene.view.angular_radius_rad) for i in (0, 1))
     normals, views = scene.view.surface(u.ravel(), v.ravel())
     seen = _light_seen(scene, normals, views, light) * (np.hypot(u, v).ravel() <= 1)
+    # Through the lens before the pixels: a light smaller than a pixel still tells where it is.
+    seen = _blurred(seen.reshape(u.shape).astype(np.float32), fine)
     patch = seen.reshape(_WINDOW_PX, fine, _WINDOW_PX, fine).mean(axis=(1, 3))
     picture = np.zeros((camera.height + 2 * _WINDOW_PX, camera.width + 2 * _WINDOW_PX), np.float32)
     top, left = row + _WINDOW_PX - _WINDOW_PX // 2, column + _WINDOW_PX - _WINDOW_PX // 2
