@@ -187,7 +187,7 @@ def test_d_learns_to_tell_white_balls_from_predicted_ones(bases, random, norm_ov
         _, joint, _ = round_of(bases, player, random, torch.ones(8, 3, 3, 64))
     assert joint.reported["d_real"].item() > 0.8
     assert joint.reported["d_fake"].item() > 0.8
-    assert joint.reported["d_loss"].item() < math.log(2)  # 2 ln 2 is guessing
+    assert joint.reported["d_loss"].item() < 1.5 * math.log(2)  # 2 ln 2 is guessing
 
 
 def test_a_weight_beyond_one_is_refused():

@@ -9,6 +9,9 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from deeplight import camera_response  # noqa: E402
+from deeplight.errors import ConfigError  # noqa: E402
+from deeplight.io.basis_file import save_bases  # noqa: E402
+from deeplight.reflectance import ReflectanceBasis, analytic_basis  # noqa: E402
 from deeplight.sphere import PAPER_RIG, SPHERES, SphereView  # noqa: E402
 from deeplight.training.augment import turn_back  # noqa: E402
 from deeplight.training.losses import (  # noqa: E402
@@ -160,3 +163,25 @@ def test_total_is_the_weighted_sum(bases, random):
         for name, value in terms.reported.items()
     )
     assert terms.total().item() == pytest.approx(float(expected), rel=1e-6)
+
+
+def test_photographed_bases_are_turned_to_every_rig(tmp_path):
+    """A darker diffuse sphere in the file renders darker; the mirror is made, whatever is filed."""
+    rig = small_rig()
+    straight = SphereView(size=8)
+    diffuse = analytic_basis("diffuse", straight, 8)
+    darker = ReflectanceBasis(diffuse.weights * 0.5, straight, 8)
+    black = ReflectanceBasis(diffuse.weights * 0.0, straight, 8)
+    save_bases(tmp_path / "bases.npz", {"diffuse": darker, "mirror": black}, {})
+    rigs = [rig, rig.mirrored()]
+    made = RigBases.from_rigs(rigs, 8)
+    ours = RigBases.from_rigs(rigs, 8, tmp_path / "bases.npz")
+    white = torch.zeros(2, 3, 8, 8)
+    each = torch.tensor([0, 1])
+    inside = made.masks(each)[:, 2, 0] > 0
+    ratio = (ours.render(white, each) / made.render(white, each))[:, 2].mean(1)[inside]
+    torch.testing.assert_close(ratio, torch.full_like(ratio, 0.5), atol=0.02, rtol=0)
+    torch.testing.assert_close(ours.basis[:, :2], made.basis[:, :2])
+    assert not torch.allclose(ours.basis[0, 2], ours.basis[1, 2], atol=1e-4)  # each rig its own
+    with pytest.raises(ConfigError, match="output_size"):
+        RigBases.from_rigs(rigs, 16, tmp_path / "bases.npz")

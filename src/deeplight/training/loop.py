@@ -137,7 +137,9 @@ class Run:
         """Find the examples of every split and what the rigs' spheres look like."""
         config, network = self.config.data, self.config.network
         names = list(data.rigs)
-        self.rigs = list(data.rigs.values())
+        measured = Path(self.config.loss.bases) if self.config.loss.bases else None
+        rigs = list(data.rigs.values())
+        self.bases = RigBases.from_rigs(rigs, network.output_size, measured)
         self.splits = {
             split: ExampleBytes(data.index(split), names, network.orientation)
             for split in (config.train_split, *config.validation_splits)
@@ -149,7 +151,7 @@ class Run:
     def read_data(self) -> None:
         """Decode what is held in memory."""
         config, index = self.config.data, self.examples.index
-        self.bases = RigBases.from_rigs(self.rigs, self.config.network.output_size).to(self.device)
+        self.bases.to(self.device)
         places = index.places if config.place_balanced else None
         self.order = Order(len(index), self.config.run.seed, places)
         self.source = BatchSource(self.examples, config, self.order, self.device, self.share)

@@ -6,6 +6,7 @@ soft clip lose the sun in half precision.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -15,6 +16,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from deeplight.camera_response import GAMMA, SOFT_CLIP_N
+from deeplight.errors import ConfigError
+from deeplight.io.basis_file import load_bases
 from deeplight.reflectance import rig_bases
 from deeplight.sphere import LOSS_WEIGHTS, SPHERES, Rig
 
@@ -37,6 +40,9 @@ class LossConfig:
     rendering; paper: equation 4 to the letter, soft-clipped as a pixel value; plain: as it is."""
     reduction: Reduction = "mean"
     """Over masked pixels and channels of one sphere; over examples it is always the mean."""
+    bases: str = ""
+    """Photographed bases, an .npz of `deeplight reflectance`, for matte silver and diffuse; the
+    mirror's is made, as in the paper. Empty: all are made from reflection models."""
 
     def weights(self) -> tuple[float, ...]:
         """One weight per sphere in the order of SPHERES."""
@@ -59,11 +65,28 @@ class RigBases(nn.Module):
         self.register_buffer("mask", mask.float(), persistent=False)
 
     @classmethod
-    def from_rigs(cls, rigs: Sequence[Rig], light_size: int = 32) -> "RigBases":
-        """The analytic bases of `rigs`; the index of a rig here is its place in the sequence."""
+    def from_rigs(
+        cls, rigs: Sequence[Rig], light_size: int = 32, measured: Path | None = None
+    ) -> "RigBases":
+        """The bases of `rigs`; the index of a rig here is its place in the sequence.
+
+        Args:
+            measured: file of photographed bases; without it they are analytic.
+
+        Raises:
+            ConfigError: the file's bases are for light of another size.
+            DataSetError: it is no file of bases.
+        """
         basis, mask = [], []
         for rig in rigs:
-            bases = rig_bases(rig, light_size)
+            bases = load_bases(measured, rig) if measured else rig_bases(rig, light_size)
+            found = bases["mirror"].light_size
+            if found != light_size:
+                raise ConfigError(
+                    f"bases for light of {light_size} pixels, as network.output_size says",
+                    f"{found} in {measured}",
+                    "change network.output_size or leave loss.bases out",
+                )
             basis.append(np.stack([bases[name].weights for name in SPHERES]))
             mask.append(np.stack([rig.views[name].mask().reshape(-1) for name in SPHERES]))
         return cls(torch.from_numpy(np.stack(basis)), torch.from_numpy(np.stack(mask)))
