@@ -15,11 +15,12 @@ from pathlib import Path
 CHILD = """
 import json, resource, sys, time
 from pathlib import Path
+from deeplight.engine import Engine
 from deeplight.simulate.run import Recipe, plan, simulate
 recipe = Recipe(train_takes=1, eval_takes=0, seen_takes=0, frames=4)
 shards, simulation = plan(Path(sys.argv[1]), Path(sys.argv[2]), recipe)
 start = time.perf_counter()
-manifest = simulate(shards, simulation, workers=1)
+manifest = simulate(shards, simulation, Engine(workers=1))
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 print(json.dumps([manifest.examples("train"), time.perf_counter() - start, peak]))
 """

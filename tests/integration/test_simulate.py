@@ -9,6 +9,7 @@ import pytest
 from deeplight import latlong
 from deeplight.cli.main import main
 from deeplight.dataset import open_dataset
+from deeplight.engine import Engine
 from deeplight.errors import ConfigError, DataSetError
 from deeplight.io.hdr import write_exr
 from deeplight.simulate.run import Recipe, plan, simulate
@@ -39,7 +40,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 def test_a_run_makes_every_split_and_tells_what_it_skipped(folder: Path, tmp_path: Path) -> None:
     shards, simulation = plan(folder, tmp_path / "data", RECIPE)
-    manifest = simulate(shards, simulation, workers=1)
+    manifest = simulate(shards, simulation, engine=Engine(workers=1))
     assert manifest.examples("train") == 8  # two takes of two frames in each place that opens
     assert set(manifest.places("train")) == {"venue0", "venue2"}
     assert [item.file for item in manifest.skipped] == ["p1.exr"]
@@ -52,24 +53,24 @@ def test_a_run_makes_every_split_and_tells_what_it_skipped(folder: Path, tmp_pat
 
 def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     whole, simulation = plan(folder, tmp_path / "whole", RECIPE)
-    simulate(whole, simulation, workers=1)
+    simulate(whole, simulation, engine=Engine(workers=1))
     broken, simulation = plan(folder, tmp_path / "broken", RECIPE)
 
     def kill(_: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        simulate(broken, simulation, workers=1, progress=kill)
+        simulate(broken, simulation, engine=Engine(workers=1), progress=kill)
     assert len(broken.missing()) == len(broken.jobs) - 1
     again, simulation = plan(folder, tmp_path / "broken", RECIPE)
-    simulate(again, simulation, workers=1)
+    simulate(again, simulation, engine=Engine(workers=1))
     assert digests(tmp_path / "whole") == digests(tmp_path / "broken")
 
 
 def test_processes_change_nothing(folder: Path, tmp_path: Path) -> None:
     for workers in (1, 2):
         shards, simulation = plan(folder, tmp_path / str(workers), RECIPE)
-        simulate(shards, simulation, workers)
+        simulate(shards, simulation, Engine(workers=workers))
     assert digests(tmp_path / "1") == digests(tmp_path / "2")
 
 
@@ -78,7 +79,7 @@ def test_another_seed_films_something_else(folder: Path, tmp_path: Path) -> None
 
     for seed in (0, 1):
         shards, simulation = plan(folder, tmp_path / str(seed), replace(RECIPE, seed=seed))
-        simulate(shards, simulation, workers=1)
+        simulate(shards, simulation, engine=Engine(workers=1))
     assert (
         digests(tmp_path / "0")["train-000000.tar"] != digests(tmp_path / "1")["train-000000.tar"]
     )

@@ -1,21 +1,22 @@
 """Film the three reference spheres in HDR panoramas with a simulated phone.
 
 deeplight simulate --hdri my_panoramas --out data/sim
-deeplight simulate --hdri my_panoramas --out data/films --video --film.troubles all
 
-The first makes a data set to train on, with a contact sheet beside its shards; --recipe.* are
-its settings. With --video it makes clips as a phone records them, for `deeplight capture`, with
-what is true of them beside each; --film.* are its settings. Any folder of .hdr or .exr
-panoramas works; a manifest.csv in it (file, split, place, scene, licence, synthetic_ground)
-decides splits by place. Killed and run again, both go on where they were.
+Makes a data set to train on (--recipe.*). With --video: clips as a phone records them, for
+`deeplight capture`, with what is true of them (--film.*). With --light-stage: photographs of the
+spheres under single lights, for `deeplight reflectance` (--stage.*), without panoramas. Any folder
+of .hdr or .exr panoramas works; a manifest.csv in it (file, split, place, scene, licence,
+synthetic_ground) decides splits by place. Killed and run again, all go on where they were.
 """
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from rich.console import Console
 
 from deeplight.simulate.film.recipe import FilmRecipe
+from deeplight.simulate.light_stage import LightStage
 from deeplight.simulate.run import Recipe
 
 
@@ -23,25 +24,37 @@ from deeplight.simulate.run import Recipe
 class Args:
     """Settings of `deeplight simulate`."""
 
-    hdri: Path
-    """Folder of HDR panoramas."""
     out: Path
     """Folder of the result; an unfinished one with the same settings is continued."""
+    hdri: Path | None = None
+    """Folder of HDR panoramas; a light stage needs none."""
     recipe: Recipe = field(default_factory=Recipe)
     """What a data set holds."""
     workers: int = 0
-    """Processes for a data set; 0 is one per core."""
+    """Jobs at once for a data set; 0 is one per core."""
+    engine: Literal["local", "ray"] = "local"
+    """Processes of this machine, or a Ray cluster that shares the folders."""
+    ray_address: str | None = None
+    """Of an existing Ray cluster, or auto; left out, one is started here."""
     video: bool = False
     """Make video clips with their ground truth instead of a data set."""
     film: FilmRecipe = field(default_factory=FilmRecipe)
     """What the clips are, with --video."""
+    light_stage: bool = False
+    """Photograph spheres in a virtual light stage instead."""
+    stage: LightStage = field(default_factory=LightStage)
+    """What the stage is, with --light-stage."""
 
 
 def run(args: Args) -> None:
-    from deeplight.cli.simulate_modes import data_set, films
+    from deeplight.cli.simulate_modes import data_set, films, light_stage
+    from deeplight.engine import Engine
 
+    engine = Engine(args.engine, args.workers, args.ray_address)
     console = Console()
-    if args.video:
+    if args.light_stage:
+        light_stage(args.out, args.stage, console)
+    elif args.video:
         films(args.hdri, args.out, args.film, console)
     else:
-        data_set(args.hdri, args.out, args.recipe, args.workers, console)
+        data_set(args.hdri, args.out, args.recipe, engine, console)

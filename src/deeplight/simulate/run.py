@@ -1,12 +1,10 @@
 """From a folder of panoramas to a data set: plan the shards, film them, in parallel."""
 
 import math
-import os
 import re
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +19,7 @@ from deeplight.dataset import (
     Skipped,
     plan_split,
 )
+from deeplight.engine import LOCAL, Engine, run
 from deeplight.errors import ConfigError, DataSetError, InputError
 from deeplight.simulate import panorama
 from deeplight.simulate.panorama import Place
@@ -152,7 +151,7 @@ def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation
 def simulate(
     shards: ShardPlan,
     simulation: Simulation,
-    workers: int = 0,
+    engine: Engine = LOCAL,
     progress: Callable[[int], None] = lambda examples: None,
 ) -> Manifest:
     """Film every shard that is missing and write the manifest.
@@ -161,55 +160,24 @@ def simulate(
 
     Args:
         shards, simulation: from `plan`.
-        workers: processes; 0 is one per core, 1 films in this process.
+        engine: where to film; the bytes are the same everywhere.
         progress: told the number of examples of each finished shard.
 
     Raises:
-        ConfigError: less than 0 workers.
+        ConfigError: the engine cannot be reached.
         DataSetError: no panorama could be used; the data set is removed again.
         OSError: the data set cannot be written; what is finished stays, to go on with.
     """
-    if workers < 0:
-        raise ConfigError("at least 0 workers", f"{workers}", "correct it")
-    missing = shards.missing()
-    workers = min(workers or os.cpu_count() or 1, len(missing))
-    if workers <= 1:
-        for job in missing:
-            progress(_film_shard(shards, simulation, job))
-    else:
-        _film_in_parallel(shards, simulation, missing, workers, progress)
+    for done in run(shards.missing(), partial(_film_shard, shards, simulation), engine):
+        if done.error:
+            raise done.error
+        progress(done.result or 0)
     manifest = shards.finish()
     if not any(manifest.examples(split) for split in manifest.splits):
         shards.discard()  # else a run with the panoramas repaired would take it for finished
         skipped = "; ".join(f"{item.file}: {item.reason}" for item in manifest.skipped)
         raise DataSetError("at least one usable panorama", f"none ({skipped[:400]})", "repair them")
     return manifest
-
-
-def _film_in_parallel(
-    shards: ShardPlan,
-    simulation: Simulation,
-    jobs: tuple[ShardJob, ...],
-    workers: int,
-    progress: Callable[[int], None],
-) -> None:
-    # Spawned, not forked: the parent may hold threads of numerical libraries.
-    with ProcessPoolExecutor(workers, get_context("spawn"), _one_thread_each) as pool:
-        running = {pool.submit(_film_shard, shards, simulation, job) for job in jobs}
-        try:
-            while running:
-                done, running = wait(running, return_when=FIRST_COMPLETED)
-                for future in done:
-                    progress(future.result())
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
-def _one_thread_each() -> None:
-    # Too late for a library that is loaded already; the pool's children load theirs after it.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ[name] = "1"
 
 
 def _film_shard(shards: ShardPlan, simulation: Simulation, job: ShardJob) -> int:
