@@ -57,7 +57,12 @@ def irradiance(
     grazes a surface; by some 1 % where light is spread out (Ramamoorthi and Hanrahan 2001).
     It can fall below 0 opposite a lone strong light.
     """
-    return basis(normals) @ (_LAMBERT[:, None] * coefficients)
+    return basis(normals) @ irradiance_coefficients(coefficients)
+
+
+def irradiance_coefficients(coefficients: Coefficients) -> Coefficients:
+    """Coefficients of irradiance, as glTF stores them, from those of radiance."""
+    return (_LAMBERT[:, None] * coefficients).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

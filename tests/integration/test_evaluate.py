@@ -2,9 +2,11 @@
 
 import csv
 import json
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,11 +23,15 @@ from deeplight.dataset import (
     plan_split,
 )
 from deeplight.errors import ConfigError, DataSetError
+from deeplight.estimate.onnx_estimator import OnnxEstimator
 from deeplight.evaluate import run as measuring
-from deeplight.evaluate.baselines.baseline import Baseline, ConstantLighting
+from deeplight.evaluate import scores as scoring
+from deeplight.evaluate.baselines.baseline import ConstantLighting
 from deeplight.evaluate.baselines.best_constant import best_constant
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for
 from deeplight.evaluate.baselines.training_pixels import RigPixels
+from deeplight.frames import world_from_camera
+from deeplight.io.hdr import write_exr
 from deeplight.io.image import decode_rgb, encode_jpeg
 from deeplight.reflectance import rig_bases
 from deeplight.sphere import PAPER_RIG
@@ -43,14 +49,23 @@ def examples_of(job: ShardJob) -> Iterator[Example]:
     scene = "outdoor" if job.split.endswith("outdoor") else "indoor"
     for number in range(job.first, job.first + job.count):
         brightness = 20 + number % 50
-        rendered = measuring.rendered_radiance(rig_bases(PAPER_RIG), log_light(brightness)[None])
+        rendered = scoring.rendered_radiance(rig_bases(PAPER_RIG), log_light(brightness)[None])
         spheres = {
             name: np.floor(encode(soft_clip(r[0])) * 255 + 0.5).astype(np.uint8)
             for name, r in rendered.items()
         }
         jpeg = encode_jpeg(np.full((192, 135, 3), brightness, np.uint8))
         meta = ExampleMeta(
-            f"{kind}-{number % 3}", "t", number, scene, job.split, "paper", "phone", "CC0", "test"
+            f"{kind}-{number % 3}",
+            "t",
+            number,
+            scene,
+            job.split,
+            "paper",
+            "phone",
+            "CC0",
+            "test",
+            {"world_from_camera": world_from_camera(0.02 * number).tolist()},
         )
         truth = None if job.split == "train" else np.exp(log_light(brightness))
         yield Example(f"{job.split}-{number}", decode_rgb(jpeg), spheres, meta, truth, jpeg)
@@ -75,7 +90,7 @@ def short_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("deeplight.evaluate.baselines.suite.best_constant", fit)
 
 
-class Knowing(Baseline):
+class Knowing(OnnxEstimator):
     """Stands in for the network: reads the light off the photo."""
 
     sha256 = "0" * 64
@@ -83,13 +98,10 @@ class Knowing(Baseline):
 
     class contract:  # noqa: N801
         trained_on = "nothing"
+        height, width = 192, 135
 
     def __init__(self, path: Path | None = None) -> None:
         self.batches: list[int] = []
-
-    @property
-    def name(self) -> str:
-        return "deeplight"
 
     def estimate_inputs(self, inputs: np.ndarray) -> np.ndarray:
         self.batches.append(len(inputs))
@@ -97,7 +109,7 @@ class Knowing(Baseline):
         return np.stack([log_light(value) for value in values])
 
 
-def mean_l1(report: measuring.Report, name: str) -> float:
+def mean_l1(report: scoring.Report, name: str) -> float:
     l1 = report.scores[name].l1
     return float(np.mean([l1[sphere].mean() for sphere in ("mirror", "diffuse")]))
 
@@ -108,7 +120,7 @@ def test_who_knows_the_light_beats_who_does_not(data: DataSet) -> None:
     seen: list[int] = []
     report = measuring.evaluate(estimators, data, "val", progress=seen.append)
     names = ["deeplight", "mean_spheres", "best_constant", "training_mean"]
-    names += ["photo_mean", "khan_2006"]
+    names += ["photo_mean", "khan_2006", "nearest_neighbour"]
     assert list(report.scores) == [*names, "true_lighting"]
     assert sum(seen) == len(report.keys) == 79
     assert max(knowing.batches) > 1  # the network is run on batches
@@ -133,7 +145,7 @@ def test_broken_light_is_counted_and_not_averaged(data: DataSet) -> None:
 
 @pytest.fixture
 def knowing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deeplight.estimate.onnx_estimator.OnnxEstimator", Knowing)
+    monkeypatch.setattr("deeplight.evaluate.models.OnnxEstimator", Knowing)
 
 
 @pytest.mark.usefixtures("knowing")
@@ -145,41 +157,97 @@ def test_the_command_writes_tables_and_files(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "140")
     before = {path: path.read_bytes() for path in data.folder.glob("*.tar")}
-    command.run(command.Args(data.folder, "val", None, tmp_path / "out"))
+    command.run(command.Args(data.folder, out=tmp_path / "out"))
     shown = capsys.readouterr().out
     names = ("deeplight", "mean_spheres", "best_constant", "photo_mean", "true_lighting")
-    for text in ("val, indoor", "val, outdoor", "θ rgb", *names):
+    for text in ("val, indoor", "val, outdoor", "θ rgb", "against the true light", *names):
         assert text in shown
     files = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert files == ["percentiles.png", "results.csv", "results.json", "run.toml"]
+    assert files == ["pictures", "report.html", "results.csv", "results.json", "run.toml"]
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert results["data_manifest_sha256"] == data.manifest_sha256
+    assert results["splits"] == {"val": {"examples": 79, "places": 6}}
     assert {s["scene"] for s in results["summary"]} == {"indoor", "outdoor", "both"}
+    assert {f["estimator"] for f in results["flicker"]["val"]} >= set(names)
+    assert results["three_spheres"] == {}
     with (tmp_path / "out" / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 79 * 7
+    assert len(rows) == 79 * 8
     own = [float(r["l1_diffuse"]) for r in rows if r["estimator"] == "deeplight"]
-    both = next(
-        s
-        for s in results["summary"]
-        if (s["estimator"], s["scene"], s["metric"]) == ("deeplight", "both", "l1_diffuse")
-    )
+    both = found(results, "deeplight", "l1_diffuse")
     assert both["mean"]["value"] == pytest.approx(np.mean(own), rel=1e-4)
     assert both["ratio"]["mean_spheres"]["value"] < 0.1
+    assert both["difference"]["photo_mean"]["high"] < 0
     run_toml = tomllib.loads((tmp_path / "out" / "run.toml").read_text())
     assert run_toml["settings"]["split"] == "val"
+    assert run_toml["run_facts"]["model_sha256"] == "0" * 64
     assert {path: path.read_bytes() for path in data.folder.glob("*.tar")} == before
     assert (data.folder / CACHE).exists()
+    check_page((tmp_path / "out" / "report.html").read_text(), names)
+
+
+def found(results: dict[str, Any], estimator: str, metric: str) -> dict[str, Any]:
+    """The summary over indoor and outdoor together."""
+    wanted = (estimator, "both", metric)
+    return next(
+        s for s in results["summary"] if (s["estimator"], s["scene"], s["metric"]) == wanted
+    )
+
+
+def check_page(page: str, names: Sequence[str]) -> None:
+    """It needs no other file, and it holds what it must."""
+    assert not re.findall(r"(?:src|href)=\"(?!data:|#)[^\"]*", page)
+    assert "<script" not in page
+    for text in (*names, "paper: L1(m)", "Calibration", "worst places"):
+        assert text in page
+    assert page.count("<img") >= 6
+
+
+@pytest.mark.usefixtures("knowing")
+def test_several_models_splits_and_other_methods_stand_in_one_report(
+    data: DataSet, tmp_path: Path
+) -> None:
+    """A folder of panoramas that hold the truth scores as the truth does."""
+    (tmp_path / "other").mkdir()
+    for number in range(9):
+        light = np.exp(log_light(20 + number)).mean()
+        panorama = np.full((64, 128, 3), light, np.float32)
+        write_exr(tmp_path / "other" / f"val_outdoor-{number}.exr", panorama)
+    command.run(
+        command.Args(
+            data.folder,
+            split=("val_outdoor", "val"),
+            examples=4,
+            model=("first=a.onnx", "second=b.onnx"),
+            panoramas=(f"other={tmp_path / 'other'},30",),
+            out=tmp_path / "out",
+            three_spheres=True,
+        )
+    )
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert list(results["models"]) == ["first", "second"]
+    # Only what every method answered is compared, so both splits come down to these.
+    assert results["splits"]["val_outdoor"]["examples"] == 4
+    assert results["splits"]["val"]["examples"] == 4
+    other, first = (found(results, name, "l1_diffuse")["mean"] for name in ("other", "first"))
+    assert other["value"] < 0.003
+    assert first["value"] < 0.003
+    assert set(results["three_spheres"]["val"]) == {"as_published", "corrected"}
+    assert "three-sphere" in (tmp_path / "out" / "report.html").read_text()
+    assert tomllib.loads((tmp_path / "out" / "run.toml").read_text())["settings"]["splits"] == [
+        "val_outdoor",
+        "val",
+    ]
 
 
 @pytest.mark.usefixtures("knowing")
 def test_a_split_the_data_set_lacks_is_told(data: DataSet, tmp_path: Path) -> None:
     with pytest.raises(DataSetError, match="test"):
-        command.run(command.Args(data.folder, "test"))
+        command.run(command.Args(data.folder, ("test",)))
     with pytest.raises(DataSetError, match="choose one of"):
-        command.run(command.Args(data.folder, "holdout"))
+        command.run(command.Args(data.folder, ("holdout",)))
     with pytest.raises(ConfigError, match="at least 1 example"):
-        command.run(command.Args(data.folder, "val", None, tmp_path / "out", examples=0))
+        command.run(command.Args(data.folder, out=tmp_path / "out", examples=0))
     assert not (tmp_path / "out").exists()
 
 
@@ -187,4 +255,4 @@ def test_a_split_the_data_set_lacks_is_told(data: DataSet, tmp_path: Path) -> No
 def test_an_out_that_is_a_file_is_told_before_the_work(data: DataSet, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("not a folder")
     with pytest.raises(FileExistsError):
-        command.run(command.Args(data.folder, "val", None, tmp_path / "out"))
+        command.run(command.Args(data.folder, out=tmp_path / "out"))

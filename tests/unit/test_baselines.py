@@ -19,12 +19,25 @@ from deeplight.dataset import (
 from deeplight.evaluate.baselines.best_constant import best_constant, constant_loss
 from deeplight.evaluate.baselines.khan_2006 import Khan2006
 from deeplight.evaluate.baselines.mean_spheres import mean_spheres
+from deeplight.evaluate.baselines.nearest_neighbour import (
+    NearestNeighbour,
+    chosen_photos,
+    descriptor,
+    descriptors_of,
+    fitted_light,
+)
 from deeplight.evaluate.baselines.photo_mean import PhotoMean
-from deeplight.evaluate.baselines.suite import CACHE, baselines_for, constant_baselines
+from deeplight.evaluate.baselines.suite import (
+    CACHE,
+    DESCRIPTORS,
+    baselines_for,
+    constant_baselines,
+    nearest_neighbour,
+)
 from deeplight.evaluate.baselines.training_mean import training_mean
 from deeplight.evaluate.baselines.training_pixels import RigPixels, training_pixels
 from deeplight.evaluate.metrics import masked_l1
-from deeplight.evaluate.run import rendered_radiance
+from deeplight.evaluate.scores import rendered_radiance
 from deeplight.preprocess import normalise
 from deeplight.reflectance import rig_bases
 from deeplight.sphere import PAPER_RIG, SPHERES, Rig
@@ -227,3 +240,61 @@ def test_khan_gives_a_plain_photo_its_own_colour() -> None:
 def test_a_baseline_takes_photos_of_any_size() -> None:
     lighting = PhotoMean().estimate(np.full((400, 300, 3), 255, np.uint8))
     np.testing.assert_allclose(lighting.radiance[DISC], 1, rtol=1e-3)
+
+
+# -- nearest neighbour -------------------------------------------------------------------------
+
+
+def test_a_training_photo_is_its_own_nearest_neighbour(data: DataSet) -> None:
+    index = data.index("train")
+    numbers = chosen_photos(index)
+    found = NearestNeighbour(data, descriptors_of(index, numbers), numbers)
+    for number in (0, 7, 11):
+        item = index[number]
+        answer = found.estimate_inputs(normalise(item.background[None]))[0]
+        own = fitted_light(dict(item.spheres), rig_bases(data.rigs[item.meta.rig]))
+        np.testing.assert_allclose(np.exp(answer), np.maximum(own, 1e-4), rtol=1e-5)
+
+
+def test_the_fitted_light_renders_the_filmed_spheres(data: DataSet) -> None:
+    """Though the lamp saturates the mirror: its strength comes back from the diffuse sphere."""
+    item = data.index("train")[11]
+    bases = rig_bases(data.rigs[item.meta.rig])
+    assert (item.spheres["mirror"] == 255).any()
+    radiance = fitted_light(dict(item.spheres), bases)
+    mask = bases["diffuse"].view.mask()
+    filmed = item.spheres["diffuse"] / np.float32(255)
+
+    def error(light: np.ndarray) -> float:
+        q = np.log(np.maximum(light, 1e-4)).astype(np.float32)
+        linear = rendered_radiance(bases, q[None])["diffuse"]
+        return float(masked_l1(encode(soft_clip(linear)), filmed[None], mask)[0])
+
+    assert error(radiance) < 0.03
+    assert error(np.minimum(radiance, 1.2)) > 2 * error(radiance)  # the twin: left clipped
+
+
+def test_the_descriptor_sees_colours_and_edges() -> None:
+    random = np.random.default_rng(0)
+    photo = random.uniform(0, 1, (192, 135, 3)).astype(np.float32)
+    stripes = np.broadcast_to((np.arange(135) // 8 % 2)[None, :, None], photo.shape).astype(
+        np.float32
+    )
+    upright, lying = descriptor(stripes), descriptor(stripes[:135].transpose(1, 0, 2))
+    assert descriptor(photo).shape == (416,)
+    assert np.linalg.norm(upright - lying) > 1
+    assert np.linalg.norm(descriptor(photo) - descriptor(photo * [1, 0.5, 0.5])) > 1
+    nearly = descriptor(np.clip(photo + random.normal(0, 0.01, photo.shape), 0, 1))
+    assert np.linalg.norm(descriptor(photo) - nearly) < 0.3
+
+
+def test_descriptors_are_kept_beside_the_data(
+    data: DataSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = nearest_neighbour(data)
+    assert (data.folder / DESCRIPTORS).exists()
+    monkeypatch.setattr("deeplight.evaluate.baselines.suite.descriptors_of", None)  # not again
+    photo = normalise(data.index("train")[3].background[None])
+    np.testing.assert_array_equal(
+        nearest_neighbour(data).estimate_inputs(photo), first.estimate_inputs(photo)
+    )

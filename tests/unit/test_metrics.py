@@ -1,6 +1,7 @@
 """Laws of the metrics, and of averaging them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deeplight.camera_response import encode, soft_clip
-from deeplight.evaluate.metrics import angular_error_rgb, masked_l1, relative_radiance_error
-from deeplight.evaluate.run import Report, Scores, rendered_radiance, score
-from deeplight.evaluate.summary import summarise
+from deeplight.evaluate.metrics import (
+    angular_error_rgb,
+    masked_l1,
+    mirror_detail,
+    relative_radiance_error,
+)
+from deeplight.evaluate.scores import Report, Scores, rendered_radiance, score
+from deeplight.evaluate.summary import calibration, summarise
 from deeplight.lighting import Lighting
 from deeplight.reflectance import rig_bases
 from deeplight.relight import relight_rig
@@ -107,6 +113,28 @@ def test_broken_predictions_never_look_perfect(bad: float) -> None:
     assert masked_l1(a, b, MASK)[[0, 2]].tolist() == [0, 0]
 
 
+def test_detail_is_1_for_the_same_picture_and_less_for_a_blurred_one() -> None:
+    sharp = pictures(3)
+    assert mirror_detail(sharp, sharp, MASK) == pytest.approx(np.ones(3))
+    blurred = (sharp + np.roll(sharp, 1, 1) + np.roll(sharp, 1, 2)) / 3
+    assert (mirror_detail(blurred, sharp, MASK) < 0.8).all()
+    assert mirror_detail(sharp, blurred, MASK) == pytest.approx(
+        1 / mirror_detail(blurred, sharp, MASK)
+    )
+    outside = sharp.copy()
+    outside[:, ~MASK] = 7
+    assert mirror_detail(outside, sharp, MASK) == pytest.approx(np.ones(3))
+
+
+def test_a_flat_or_broken_picture_has_no_detail_to_compare_with() -> None:
+    sharp, flat = pictures(3), np.full((3, 32, 32, 3), 0.5, np.float32)
+    assert (mirror_detail(flat, sharp, MASK) == 0).all()
+    assert np.isnan(mirror_detail(sharp, flat, MASK)).all()
+    broken = sharp.copy()
+    broken[1, 16, 16] = np.nan
+    assert np.isnan(mirror_detail(broken, sharp, MASK)).tolist() == [False, True, False]
+
+
 # -- rendering and scoring a batch -------------------------------------------------------------
 
 
@@ -163,13 +191,25 @@ def report_of(**l1: np.ndarray) -> Report:
     scenes = np.array(["indoor" if number % 6 < 3 else "outdoor" for number in range(count)])
     keys = tuple(f"key-{number}" for number in range(count))
     scores = {name: scores_of(values) for name, values in l1.items()}
-    return Report("val", np.arange(count), keys, places, scenes, np.zeros(count), scores)
+    return Report(
+        "val",
+        np.arange(count),
+        keys,
+        places,
+        scenes,
+        np.zeros(count),
+        scores,
+        true_radiance=np.linspace(0.1, 2, count),
+        takes=np.array(["take"] * count),
+        frames=np.arange(count),
+        world_from_camera=np.full((count, 3, 3), np.nan),
+    )
 
 
 def find(report: Report, estimator: str, scene: str, metric: str = "l1_diffuse"):
     return next(
         s
-        for s in summarise(report, resamples=300)
+        for s in summarise(report, ["model"], resamples=300)
         if (s.estimator, s.scene, s.metric) == (estimator, scene, metric)
     )
 
@@ -196,6 +236,35 @@ def test_a_ratio_is_paired() -> None:
     twisted = report_of(model=values[::-1].copy(), mean_spheres=values)
     other = find(twisted, "model", "both").ratio["mean_spheres"]
     assert other.low < other.high
+
+
+def test_a_difference_is_paired() -> None:
+    """0.1 less everywhere is 0.1 less on any places, however much these differ."""
+    values = np.random.default_rng(0).uniform(0.2, 0.5, 60)
+    found = find(report_of(model=values - 0.1, other=values), "model", "both").difference["other"]
+    assert (found.value, found.low, found.high) == pytest.approx((-0.1, -0.1, -0.1))
+    assert find(report_of(model=values, other=values - 0.1), "other", "both").difference == {}
+
+
+def test_the_median_of_resampled_places_is_the_plain_one_in_the_middle() -> None:
+    values = np.random.default_rng(1).gamma(1.0, 1.0, 61)
+    found = find(report_of(model=values), "model", "both").median
+    assert found.value == pytest.approx(np.median(values))
+    assert found.low < found.value < found.high
+    even = find(report_of(model=values[:60]), "model", "both").median
+    assert even.value == pytest.approx(np.median(values[:60]))
+
+
+def test_calibration_bins_by_true_brightness() -> None:
+    values = np.random.default_rng(0).uniform(0.1, 0.5, 60)
+    report = report_of(model=values)
+    error = np.log2(report.true_radiance)  # dim scenes too dark, bright ones too bright
+    scores = replace(report.scores["model"], more={"energy_stops": error})
+    bins = calibration(replace(report, scores={"model": scores}), bins=4, resamples=50)
+    assert [b.examples for b in bins] == [15] * 4
+    assert np.all(np.diff([b.energy_stops.value for b in bins]) > 0)
+    assert bins[0].low == pytest.approx(0.1)
+    assert calibration(report, bins=4, resamples=50) == []
 
 
 def test_frames_of_one_place_do_not_narrow_the_interval() -> None:

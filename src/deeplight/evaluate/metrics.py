@@ -80,3 +80,31 @@ def relative_radiance_error(
     with np.errstate(divide="ignore", invalid="ignore"):
         error: np.ndarray = np.where((b > 0) & np.isfinite(a), (a - b) / b, np.nan)
     return error
+
+
+def mirror_detail(
+    predicted: Images, filmed: Images, mask: Mask
+) -> Float64[np.ndarray, " examples"]:
+    """How sharp the rendered mirror sphere is beside the filmed one: 1 is as sharp, 0 is flat.
+
+    The measure of frequency is the mean absolute difference of neighbouring pixel values, both
+    within the mask; the quotient of the two pictures' is given. Where the difference lies does not
+    matter, so this says nothing about being right: read it beside the mirror's L1.
+
+    Returns:
+        NaN where the filmed sphere is flat or the prediction is not finite.
+    """
+    own, wanted = _variation(predicted, mask), _variation(filmed, mask)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        detail: np.ndarray = np.where((wanted > 0) & np.isfinite(own), own / wanted, np.nan)
+    return detail
+
+
+def _variation(pictures: Images, mask: Mask) -> Float64[np.ndarray, " examples"]:
+    pixels = np.where(mask[..., None], pictures, 0).astype(np.float64)
+    across, down = mask[:, 1:] & mask[:, :-1], mask[1:] & mask[:-1]
+    with np.errstate(invalid="ignore"):
+        steps = np.abs(np.diff(pixels, axis=2))[:, across].sum((1, 2))
+        steps = steps + np.abs(np.diff(pixels, axis=1))[:, down].sum((1, 2))
+    total: np.ndarray = steps / (3 * (across.sum() + down.sum()))
+    return total

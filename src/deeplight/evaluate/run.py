@@ -1,24 +1,31 @@
-"""Measure estimators on a split, example by example, all on the same examples."""
+"""Measure estimators on a split, example by example: one estimate of each for every example."""
 
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64, Int64
+from jaxtyping import Float32, Float64, Int64
 
-from deeplight.camera_response import decode, encode, soft_clip
 from deeplight.dataset import DataSet, Example, SplitIndex
 from deeplight.errors import ConfigError
-from deeplight.evaluate.metrics import angular_error_rgb, masked_l1, relative_radiance_error
+from deeplight.evaluate.light_metrics import light_errors, linear_errors, mean_radiance
+from deeplight.evaluate.scores import (
+    TRUE_LIGHTING,
+    Column,
+    LogRadiance,
+    Report,
+    Scores,
+    joined,
+    rendered_radiance,
+    score,
+)
 from deeplight.preprocess import normalise
 from deeplight.reflectance import ReflectanceBasis, rig_bases
-from deeplight.sphere import SPHERES
+from deeplight.sphere import SPHERES, Rig
 
 BATCH = 64
-TRUE_LIGHTING = "true_lighting"  # what the metrics give for the very light that was filmed
-
-LogRadiance = Float32[np.ndarray, "examples light light 3"]
 
 
 @runtime_checkable
@@ -35,56 +42,23 @@ class BatchEstimator(Protocol):
         """Give ln radiance for pictures in [-0.5, 0.5]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Scores:
-    """One estimator on every example; NaN where a metric is not defined.
+@runtime_checkable
+class KeyedEstimator(Protocol):
+    """What has its answers by the example's key rather than from its picture."""
 
-    Attributes:
-        l1: masked L1 of pixel values, by sphere.
-        theta_rgb_deg: mean angle of the linear diffuse colours.
-        relative_radiance: (predicted - filmed) / filmed of the linear diffuse sphere, per channel.
-        black_pixels: pixels without a colour, left out of `theta_rgb_deg`.
-    """
+    @property
+    def name(self) -> str:
+        """What tables call it."""
 
-    l1: Mapping[str, Float64[np.ndarray, " examples"]]
-    theta_rgb_deg: Float64[np.ndarray, " examples"]
-    relative_radiance: Float64[np.ndarray, "examples 3"]
-    black_pixels: Int64[np.ndarray, " examples"]
-
-    def metrics(self) -> dict[str, Float64[np.ndarray, " examples"]]:
-        """Give every metric as a column, by name."""
-        columns = {f"l1_{name}": self.l1[name] for name in SPHERES}
-        columns["theta_rgb_deg"] = self.theta_rgb_deg
-        for channel, name in enumerate(("red", "green", "blue")):
-            columns[f"radiance_{name}"] = self.relative_radiance[:, channel]
-        columns["radiance_absolute"] = np.abs(self.relative_radiance).mean(1)
-        return columns
+    def estimate_keys(self, keys: Sequence[str]) -> LogRadiance:
+        """Give ln radiance for these examples."""
 
 
-@dataclass(frozen=True, eq=False)
-class Report:
-    """Estimators measured on one split.
-
-    Attributes:
-        split: the split or group of splits.
-        numbers: of each example in `data.index(split)`.
-        keys, places, scenes: of each example.
-        diffuse_clipped: part of the filmed diffuse sphere's values that are 255, per example:
-            there `relative_radiance` is too large.
-        scores: by estimator, in the order they were given.
-    """
-
-    split: str
-    numbers: Int64[np.ndarray, " examples"]
-    keys: tuple[str, ...]
-    places: np.ndarray
-    scenes: np.ndarray
-    diffuse_clipped: Float64[np.ndarray, " examples"]
-    scores: Mapping[str, Scores]
+AnyEstimator = BatchEstimator | KeyedEstimator
 
 
 def evaluate(
-    estimators: Sequence[BatchEstimator],
+    estimators: Sequence[AnyEstimator],
     data: DataSet,
     split: str,
     at_most: int | None = None,
@@ -93,7 +67,8 @@ def evaluate(
     """Measure `estimators` on the examples of `split`.
 
     Where every example carries its true lighting, that is measured too, as `TRUE_LIGHTING`: what
-    is left is the camera's noise and compression, the floor for any estimator.
+    is left is the camera's noise and compression, the floor for any estimator. Then errors against
+    the true light itself are among the scores.
 
     Args:
         at_most: measure only so many, evenly spread over the split.
@@ -102,41 +77,47 @@ def evaluate(
     Raises:
         DataSetError: no such split, or an example cannot be read.
         ModelError: an estimator gives NaN or infinite light.
-        ConfigError: `at_most` is under 1.
+        ConfigError: `at_most` is under 1, or two estimators have one name.
     """
+    names = [estimator.name for estimator in estimators]
+    if len(set(names)) < len(names):
+        twice = ", ".join(sorted({name for name in names if names.count(name) > 1}))
+        raise ConfigError("estimators of different names", f"{twice} twice", "rename one")
+    index = data.index(split)
+    numbers = examples_to_measure(index, estimators, at_most)
+    with_truth = bool(index.has_lighting[numbers].all())
+    gathered = _Gathered([*names, TRUE_LIGHTING] if with_truth else names, len(numbers))
+    for chosen, examples in _batches(index, numbers):
+        rig = data.rigs[examples[0].meta.rig]
+        estimates = _estimates(estimators, examples)
+        truth = _true_radiance(examples) if with_truth else None
+        gathered.add(_Batch(chosen, examples, rig, truth), estimates)
+        progress(len(examples))
+    return gathered.report(split, index)
+
+
+def examples_to_measure(
+    index: SplitIndex, estimators: Sequence[AnyEstimator], at_most: int | None = None
+) -> Int64[np.ndarray, " chosen"]:
+    """The examples that every estimator can answer, or `at_most` of them, evenly spread."""
     if at_most is not None and at_most < 1:
         raise ConfigError("at least 1 example to measure", f"{at_most}", "ask for more")
-    index = data.index(split)
-    count = len(index) if at_most is None else min(at_most, len(index))
-    numbers = np.unique(np.linspace(0, len(index) - 1, count).astype(int))
-    names = [estimator.name for estimator in estimators]
-    if index.has_lighting[numbers].all():
-        names.append(TRUE_LIGHTING)
-    parts: dict[str, list[Scores]] = {name: [] for name in names}
-    clipped, order = [], []
-    for chosen, examples in _batches(index, numbers):
-        bases = rig_bases(data.rigs[examples[0].meta.rig])
-        filmed = filmed_pixels(examples)
-        for name, log_radiance in _estimates(estimators, examples, TRUE_LIGHTING in names):
-            parts[name].append(score(rendered_radiance(bases, log_radiance), filmed, bases))
-        diffuse = filmed["diffuse"][:, bases["diffuse"].view.mask()]
-        clipped.append((diffuse == 1).mean((1, 2)))
-        order.append(chosen)
-        progress(len(examples))
-    every = np.concatenate(order)
-    back = np.argsort(every)  # batches are of one rig each, so they may be out of order
-    return Report(
-        split,
-        every[back],
-        tuple(index.keys[number] for number in every[back]),
-        index.places[every[back]],
-        index.scenes[every[back]],
-        np.concatenate(clipped)[back],
-        {name: _joined(scores, back) for name, scores in parts.items()},
-    )
+    answered = np.full(len(index), True)
+    for estimator in estimators:
+        covers = getattr(estimator, "covers", None)
+        if covers is not None:
+            answered &= np.array([covers(key) for key in index.keys])
+    every = np.flatnonzero(answered)
+    if not len(every):
+        got = "none that every given method answered"
+        raise ConfigError("examples to measure", got, "name the panoramas by the examples' keys")
+    count = len(every) if at_most is None else min(at_most, len(every))
+    return every[np.unique(np.linspace(0, len(every) - 1, count).astype(int))]
 
 
-def filmed_pixels(examples: Sequence[Example]) -> dict[str, Float32[np.ndarray, "n size size 3"]]:
+def filmed_pixels(
+    examples: Sequence[Example],
+) -> dict[str, Float32[np.ndarray, "examples size size 3"]]:
     """Give the filmed spheres as pixel values, 0 to 1, by sphere."""
     return {
         name: np.stack([e.spheres[name] for e in examples]).astype(np.float32) / np.float32(255)
@@ -144,40 +125,100 @@ def filmed_pixels(examples: Sequence[Example]) -> dict[str, Float32[np.ndarray, 
     }
 
 
-def rendered_radiance(
-    bases: Mapping[str, ReflectanceBasis], log_radiance: LogRadiance
-) -> dict[str, Float32[np.ndarray, "n size size 3"]]:
-    """Render each sphere in each lighting (equation 2): linear radiance, not clipped."""
-    count, lights = len(log_radiance), log_radiance.shape[1] ** 2
-    with np.errstate(over="ignore"):  # infinite light shows as NaN scores
-        radiance = np.exp(log_radiance.astype(np.float32)).reshape(count, lights, 3)
-    columns = radiance.transpose(1, 0, 2).reshape(lights, count * 3)
-    spheres = {}
-    for name, basis in bases.items():
-        size = basis.view.size
-        rendered = (basis.weights @ columns).reshape(size, size, count, 3)
-        spheres[name] = np.ascontiguousarray(rendered.transpose(2, 0, 1, 3))
-    return spheres
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Examples of one rig."""
+
+    numbers: Int64[np.ndarray, " examples"]
+    examples: Sequence[Example]
+    rig: Rig
+    true_radiance: Float32[np.ndarray, "examples light light 3"] | None
+
+    def bases(self, log_radiance: LogRadiance) -> dict[str, ReflectanceBasis]:
+        return rig_bases(self.rig, log_radiance.shape[1])
 
 
-def score(
-    radiance: Mapping[str, Float[np.ndarray, "n size size 3"]],
-    filmed: Mapping[str, Float[np.ndarray, "n size size 3"]],
+@dataclass(eq=False)
+class _Gathered:
+    """What the batches gave, until all are through."""
+
+    names: list[str]
+    count: int
+    numbers: list[np.ndarray] = field(default_factory=list)
+    clipped: list[np.ndarray] = field(default_factory=list)
+    brightness: list[np.ndarray] = field(default_factory=list)
+    frames: list[int] = field(default_factory=list)
+    poses: list[np.ndarray] = field(default_factory=list)
+    parts: dict[str, list[Scores]] = field(default_factory=dict)
+    answers: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def add(self, batch: _Batch, estimates: Iterator[tuple[str, LogRadiance]]) -> None:
+        filmed, true = filmed_pixels(batch.examples), batch.true_radiance
+        true_spheres = None
+        if true is not None:
+            with np.errstate(divide="ignore"):  # no light is ln 0, and exp gives it back
+                log_true = np.log(true)
+            true_spheres = rendered_radiance(batch.bases(log_true), log_true)
+            estimates = iter([*estimates, (TRUE_LIGHTING, log_true)])
+        first = sum(len(numbers) for numbers in self.numbers)
+        for name, log_radiance in estimates:
+            bases = batch.bases(log_radiance)
+            rendered = rendered_radiance(bases, log_radiance)
+            more = _against_truth(log_radiance, rendered, true, true_spheres, bases)
+            self.parts.setdefault(name, []).append(score(rendered, filmed, bases, more))
+            self._kept(name, log_radiance)[first : first + len(log_radiance)] = log_radiance
+        masked = filmed["diffuse"][:, batch.rig.views["diffuse"].mask()]
+        self.clipped.append((masked == 1).mean((1, 2)))
+        unknown = np.full(len(batch.examples), np.nan)
+        self.brightness.append(unknown if true is None else mean_radiance(true))
+        self.numbers.append(batch.numbers)
+        self.frames += [example.meta.frame for example in batch.examples]
+        self.poses += [_pose(example) for example in batch.examples]
+
+    def _kept(self, name: str, log_radiance: LogRadiance) -> np.ndarray:
+        """Room for an estimator's answers, on disk: a large split would not fit in memory."""
+        if name not in self.answers:
+            shape = (self.count, *log_radiance.shape[1:])
+            with tempfile.TemporaryFile() as file:
+                self.answers[name] = np.memmap(file, np.float32, "w+", shape=shape)
+        return self.answers[name]
+
+    def report(self, split: str, index: SplitIndex) -> Report:
+        every = np.concatenate(self.numbers)
+        back = np.argsort(every)  # batches are of one rig each, so they may be out of order
+        numbers = every[back]
+        in_order = bool((np.diff(back) == 1).all())
+        return Report(
+            split,
+            numbers,
+            tuple(index.keys[number] for number in numbers),
+            index.places[numbers],
+            index.scenes[numbers],
+            np.concatenate(self.clipped)[back],
+            {name: joined(self.parts[name], back) for name in self.names},
+            np.concatenate(self.brightness)[back],
+            index.takes[numbers],
+            np.array(self.frames, np.int64)[back],
+            np.stack(self.poses)[back],
+            {name: kept if in_order else kept[back] for name, kept in self.answers.items()},
+        )
+
+
+def _against_truth(
+    log_radiance: LogRadiance,
+    rendered: Mapping[str, Float32[np.ndarray, "examples size size 3"]],
+    true: Float32[np.ndarray, "examples own own 3"] | None,
+    true_spheres: Mapping[str, Float32[np.ndarray, "examples size size 3"]] | None,
     bases: Mapping[str, ReflectanceBasis],
-) -> Scores:
-    """Compare rendered linear spheres with filmed pixel values (0 to 1).
-
-    L1 and theta_rgb see the rendered sphere as the camera would show it, clipped; the relative
-    radiance error sees its whole radiance.
-    """
+) -> dict[str, Column]:
+    """The columns that need the true light; none where it is not known."""
+    if true is None or true_spheres is None:
+        return {}
+    with np.errstate(over="ignore"):
+        errors = light_errors(np.exp(log_radiance), true)
     masks = {name: bases[name].view.mask() for name in SPHERES}
-    with np.errstate(invalid="ignore"):  # NaN stays NaN, and is counted by who averages
-        clipped = {name: soft_clip(radiance[name]) for name in SPHERES}
-    l1 = {name: masked_l1(encode(clipped[name]), filmed[name], masks[name]) for name in SPHERES}
-    diffuse, mask = decode(filmed["diffuse"]), masks["diffuse"]
-    angle = angular_error_rgb(np.maximum(clipped["diffuse"], 0), diffuse, mask)
-    relative = relative_radiance_error(radiance["diffuse"], diffuse, mask)
-    return Scores(l1, angle.degrees, relative, angle.black_pixels)
+    linear = linear_errors(rendered, true_spheres, masks)
+    return {**errors, **{f"linear_{name}": linear[name] for name in SPHERES}}
 
 
 def _batches(
@@ -192,21 +233,21 @@ def _batches(
 
 
 def _estimates(
-    estimators: Sequence[BatchEstimator], examples: Sequence[Example], with_truth: bool
+    estimators: Sequence[AnyEstimator], examples: Sequence[Example]
 ) -> Iterator[tuple[str, LogRadiance]]:
     inputs = normalise(np.stack([example.background for example in examples]))
     for estimator in estimators:
-        yield estimator.name, estimator.estimate_inputs(inputs)
-    if with_truth:
-        truth = np.stack([example.true_lighting for example in examples])  # type: ignore[misc]
-        with np.errstate(divide="ignore"):  # no light is ln 0, and exp gives it back
-            yield TRUE_LIGHTING, np.log(truth)
+        if isinstance(estimator, KeyedEstimator):
+            yield estimator.name, estimator.estimate_keys([example.key for example in examples])
+        else:
+            yield estimator.name, estimator.estimate_inputs(inputs)
 
 
-def _joined(parts: Sequence[Scores], order: np.ndarray) -> Scores:
-    return Scores(
-        {name: np.concatenate([part.l1[name] for part in parts])[order] for name in SPHERES},
-        np.concatenate([part.theta_rgb_deg for part in parts])[order],
-        np.concatenate([part.relative_radiance for part in parts])[order],
-        np.concatenate([part.black_pixels for part in parts])[order],
-    )
+def _pose(example: Example) -> Float64[np.ndarray, "3 3"]:
+    """world_from_camera as the example tells it, else NaN."""
+    told = np.array(example.meta.details.get("world_from_camera", np.nan), np.float64)
+    return told if told.shape == (3, 3) else np.full((3, 3), np.nan)
+
+
+def _true_radiance(examples: Sequence[Example]) -> Float32[np.ndarray, "examples light light 3"]:
+    return np.stack([example.true_lighting for example in examples])  # type: ignore[misc]

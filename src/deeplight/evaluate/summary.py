@@ -1,26 +1,20 @@
-"""Means, spreads and 95 % intervals of a report, indoor and outdoor apart and together."""
+"""Means, medians, spreads and 95 % intervals of a report, indoor and outdoor apart and together."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
-from deeplight.evaluate.run import Report
+from deeplight.evaluate.bootstrap import RESAMPLES, SEED, Interval, PlaceBootstrap
+from deeplight.evaluate.scores import TRUE_LIGHTING, Report
 
-RESAMPLES = 2000
-SEED = 0
 REFERENCES = ("training_mean", "best_constant", "mean_spheres")
 SCENES = ("indoor", "outdoor", "both")
+BINS = 5
 
-
-@dataclass(frozen=True)
-class Interval:
-    """A number and its 95 % interval over resampled places; NaN where it is not defined."""
-
-    value: float
-    low: float
-    high: float
+__all__ = ["REFERENCES", "RESAMPLES", "SCENES", "SEED", "Interval", "Summary", "summarise"]
 
 
 @dataclass(frozen=True)
@@ -28,107 +22,126 @@ class Summary:
     """One metric of one estimator in one kind of scene.
 
     Attributes:
-        estimator, scene, metric: which.
+        split, estimator, scene, metric: which.
         mean: over the examples, and its interval.
+        median: likewise.
         sd: standard deviation over the examples.
         examples: how many have a value.
         undefined: how many have none (NaN); they are in no other number here.
         places: how many places the examples come from; what the interval resamples.
         ratio: the mean over that of each constant baseline in `REFERENCES`, on the examples where
             both have a value.
+        difference: the mean less that of each other estimator, on the examples where both have a
+            value; only for the estimators asked for.
     """
 
+    split: str
     estimator: str
     scene: str
     metric: str
     mean: Interval
+    median: Interval
     sd: float
     examples: int
     undefined: int
     places: int
     ratio: dict[str, Interval]
+    difference: dict[str, Interval]
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
 
 
-def summarise(report: Report, resamples: int = RESAMPLES) -> list[Summary]:
+def summarise(
+    report: Report, compared: Sequence[str] = (), resamples: int = RESAMPLES
+) -> list[Summary]:
     """Summarise every metric of every estimator, in every kind of scene that has examples.
 
-    Intervals are bootstrap percentiles over places, not examples: frames of one place are alike, so
-    resampling them would promise too much. With a handful of places even these are optimistic.
+    Args:
+        compared: the estimators whose difference to every other one is wanted.
     """
     found = []
     for scene in SCENES:
-        inside = np.full(len(report.keys), True) if scene == "both" else report.scenes == scene
+        inside = report.inside(scene)
         if not inside.any():
             continue
-        draws = _Draws(report.places[inside], resamples)
+        draws = PlaceBootstrap(report.places[inside], resamples)
         columns = {
             name: {metric: values[inside] for metric, values in scores.metrics().items()}
             for name, scores in report.scores.items()
         }
         for name, metrics in columns.items():
-            for metric, values in metrics.items():
-                ratio = {
-                    reference: draws.ratio(values, columns[reference][metric])
-                    for reference in REFERENCES
-                    if reference in columns and metric.startswith("l1_")
-                }
-                found.append(_summary(draws, (name, scene, metric), values, ratio))
+            others = [o for o in columns if o not in (name, TRUE_LIGHTING) and name in compared]
+            found += [
+                _summary(draws, (report.split, name, scene, metric), columns, others)
+                for metric in metrics
+            ]
     return found
 
 
 def _summary(
-    draws: "_Draws",
-    names: tuple[str, str, str],
-    values: Float64[np.ndarray, " examples"],
-    ratio: dict[str, Interval],
+    draws: PlaceBootstrap,
+    names: tuple[str, str, str, str],
+    columns: Mapping[str, Mapping[str, Float64[np.ndarray, " examples"]]],
+    others: Sequence[str],
 ) -> Summary:
+    _, estimator, _, metric = names
+    values = columns[estimator][metric]
+    against = {name: of[metric] for name, of in columns.items()}
     defined = np.isfinite(values)
-    sd = float(values[defined].std()) if defined.any() else float("nan")
+    references = [r for r in REFERENCES if r in columns and metric.startswith(("l1_", "theta"))]
     return Summary(
         *names,
         mean=draws.mean(values),
-        sd=sd,
+        median=draws.median(values),
+        sd=float(values[defined].std()) if defined.any() else float("nan"),
         examples=int(defined.sum()),
         undefined=int((~defined).sum()),
         places=draws.places,
-        ratio=ratio,
+        ratio={name: draws.ratio(values, against[name]) for name in references},
+        difference={name: draws.difference(values, against[name]) for name in others},
     )
 
 
-class _Draws:
-    """Places drawn with replacement, the same draws for every metric, so that ratios are paired."""
+@dataclass(frozen=True)
+class Calibration:
+    """How an estimator errs in scenes of about one brightness.
 
-    def __init__(self, places: np.ndarray, resamples: int) -> None:
-        names, self.place_of = np.unique(places, return_inverse=True)
-        self.places = len(names)
-        even = np.full(self.places, 1 / self.places)
-        self.times = np.random.default_rng(SEED).multinomial(self.places, even, resamples)
+    Attributes:
+        estimator: which.
+        low, high: true mean radiance, relative to camera white, of the bin.
+        energy_stops: mean error of the power from all directions; 0 is calibrated.
+        diffuse_radiance: mean relative radiance error of the diffuse sphere.
+        examples: in the bin.
+    """
 
-    def mean(self, values: Float64[np.ndarray, " examples"]) -> Interval:
-        defined = np.isfinite(values)
-        sums, counts = self._by_place(values, defined), self._by_place(defined * 1.0, defined)
-        return _interval(sums, counts, self.times)
-
-    def ratio(
-        self, values: Float64[np.ndarray, " examples"], reference: Float64[np.ndarray, " examples"]
-    ) -> Interval:
-        defined = np.isfinite(values) & np.isfinite(reference)
-        sums = self._by_place(values, defined)
-        return _interval(sums, self._by_place(reference, defined), self.times)
-
-    def _by_place(self, values: np.ndarray, defined: np.ndarray) -> np.ndarray:
-        return np.bincount(self.place_of, np.where(defined, values, 0.0), self.places)
+    estimator: str
+    low: float
+    high: float
+    energy_stops: Interval
+    diffuse_radiance: Interval
+    examples: int
 
 
-def _interval(above: np.ndarray, below: np.ndarray, times: np.ndarray) -> Interval:
-    """The quotient of two sums over places, and the spread of it over the draws."""
-    if not below.any():
-        return Interval(float("nan"), float("nan"), float("nan"))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        drawn = (times @ above) / (times @ below)
-    # A draw of nothing but places without a value has no quotient.
-    low, high = np.nanpercentile(drawn, (2.5, 97.5))
-    return Interval(float(above.sum() / below.sum()), float(low), float(high))
+def calibration(report: Report, bins: int = BINS, resamples: int = RESAMPLES) -> list[Calibration]:
+    """Bins of equally many examples by true brightness; none where the true light is not known."""
+    known = np.flatnonzero(np.isfinite(report.true_radiance))
+    ranked = known[np.argsort(report.true_radiance[known], kind="stable")]
+    found = []
+    for name, scores in report.scores.items():
+        columns = scores.metrics()
+        for chosen in np.array_split(ranked, bins):
+            if not len(chosen) or "energy_stops" not in columns:
+                continue
+            draws = PlaceBootstrap(report.places[chosen], resamples)
+            found.append(
+                Calibration(
+                    name,
+                    float(report.true_radiance[chosen[0]]),
+                    float(report.true_radiance[chosen[-1]]),
+                    draws.mean(columns["energy_stops"][chosen]),
+                    draws.mean(scores.relative_radiance.mean(1)[chosen]),
+                    len(chosen),
+                )
+            )
+    return found

@@ -1,18 +1,12 @@
-"""A report as a table in the terminal, and as files: results.json and results.csv."""
+"""A split's result as tables in the terminal."""
 
-import csv
-import json
-import math
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
 
 from rich import box
 from rich.table import Table
 
-from deeplight.evaluate.run import Report
+from deeplight.evaluate.result import SplitResult
 from deeplight.evaluate.summary import SCENES, Interval, Summary
-from deeplight.io.atomic import replacing
 
 COLUMNS = {
     "l1_diffuse": "L1 diffuse",
@@ -21,65 +15,59 @@ COLUMNS = {
     "theta_rgb_deg": "θ rgb °",
     "radiance_absolute": "radiance err",
 }
+LIGHT_COLUMNS = {
+    "energy_stops_absolute": "energy stops",
+    "direction_deg": "direction °",
+    "intensity_stops_absolute": "light stops",
+    "linear_diffuse": "linear d",
+    "mirror_detail": "detail m",
+}
+_DIGITS = {"theta_rgb_deg": 1, "direction_deg": 0, "energy_stops_absolute": 2}
 
 
-def terminal_tables(summaries: Sequence[Summary], split: str) -> list[Table]:
+def all_tables(result: SplitResult) -> list[Table]:
+    """Everything that is printed of a split."""
+    ratios = [ratio_table(result, name) for name in result.methods]
+    return [*terminal_tables(result), *(table for table in ratios if table.row_count)]
+
+
+def terminal_tables(result: SplitResult) -> list[Table]:
     """Give one table for each kind of scene: mean ± sd over its 95 % interval, by estimator."""
-    return [
-        _scene_table([s for s in summaries if s.scene == scene], f"{split}, {_title(scene)}")
+    split = result.report.split
+    tables = [
+        _scene_table([s for s in result.summaries if s.scene == scene], f"{split}, {_title(scene)}")
         for scene in SCENES
-        if any(s.scene == scene for s in summaries)
+        if any(s.scene == scene for s in result.summaries)
     ]
+    return [*tables, light_table(result)] if result.knows_light else tables
 
 
-def ratio_table(summaries: Sequence[Summary], split: str, estimator: str) -> Table:
+def light_table(result: SplitResult) -> Table:
+    """Give what only the true light tells: medians over the split, with their intervals."""
+    title = f"{result.report.split}: against the true light"
+    table = _table(title, "medians, below them the 95 % interval over places")
+    for text in LIGHT_COLUMNS.values():
+        table.add_column(text, justify="right", no_wrap=True)
+    cells = {(s.estimator, s.metric): s for s in result.summaries if s.scene == "both"}
+    for name in result.report.scores:
+        table.add_row(name, *(_median(cells[name, metric]) for metric in LIGHT_COLUMNS))
+    return table
+
+
+def ratio_table(result: SplitResult, estimator: str) -> Table:
     """Give the L1 of `estimator` over that of each constant baseline, with intervals."""
     metrics = [metric for metric in COLUMNS if metric.startswith("l1_")]
-    title = f"{split}: L1 of {estimator} over that of constant lighting"
+    title = f"{result.report.split}: L1 of {estimator} over that of constant lighting"
     table = _table(title, "ratio of the means, 95 % interval over places")
     table.add_column("")
     for metric in metrics:
         table.add_column(COLUMNS[metric], justify="right", no_wrap=True)
-    cells = {(s.scene, s.metric): s.ratio for s in summaries if s.estimator == estimator}
+    cells = {(s.scene, s.metric): s.ratio for s in result.summaries if s.estimator == estimator}
     for scene in SCENES:
         for reference in cells.get((scene, metrics[0]), ()):
             row = (_ratio(cells[scene, metric][reference]) for metric in metrics)
             table.add_row(scene, reference, *row)
     return table
-
-
-def write_results(
-    folder: Path, report: Report, summaries: Sequence[Summary], facts: Mapping[str, Any]
-) -> None:
-    """Write results.json (summaries and `facts`) and results.csv (one row per example).
-
-    Undefined numbers are null in JSON and empty in CSV.
-
-    Raises:
-        OSError: the folder cannot be written.
-    """
-    values = {**facts, "split": report.split, "summary": [s.to_dict() for s in summaries]}
-    with replacing(folder / "results.json") as temporary:
-        text = json.dumps(_without_nan(values), indent=1, allow_nan=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
-    with (
-        replacing(folder / "results.csv") as temporary,
-        temporary.open("w", newline="", encoding="utf-8") as file,
-    ):
-        _write_rows(csv.writer(file), report)
-
-
-def _write_rows(writer: Any, report: Report) -> None:
-    metrics = list(next(iter(report.scores.values())).metrics())
-    shared = ["key", "place", "scene", "diffuse_clipped"]
-    writer.writerow(["estimator", *shared, *metrics, "black_pixels"])
-    for name, scores in report.scores.items():
-        columns = scores.metrics()
-        for number, key in enumerate(report.keys):
-            clipped = f"{report.diffuse_clipped[number]:.4f}"
-            row = [name, key, report.places[number], report.scenes[number], clipped]
-            row += [_cell(columns[metric][number]) for metric in metrics]
-            writer.writerow([*row, int(scores.black_pixels[number])])
 
 
 def _scene_table(summaries: Sequence[Summary], title: str) -> Table:
@@ -102,10 +90,20 @@ def _table(title: str, caption: str) -> Table:
 
 
 def _mean(summary: Summary) -> str:
-    digits = 1 if summary.metric == "theta_rgb_deg" else 3
-    mean = summary.mean
-    text = f"{mean.value:.{digits}f}±{summary.sd:.{digits}f}"
-    text += f"\n{mean.low:.{digits}f}-{mean.high:.{digits}f}"
+    digits = _DIGITS.get(summary.metric, 3)
+    text = f"{summary.mean.value:.{digits}f}±{summary.sd:.{digits}f}"
+    return text + _interval(summary, summary.mean, digits)
+
+
+def _median(summary: Summary) -> str:
+    digits = _DIGITS.get(summary.metric, 2)
+    if not summary.examples:
+        return f"-\n{summary.undefined} undef."
+    return f"{summary.median.value:.{digits}f}" + _interval(summary, summary.median, digits)
+
+
+def _interval(summary: Summary, interval: Interval, digits: int) -> str:
+    text = f"\n{interval.low:.{digits}f}-{interval.high:.{digits}f}"
     return text + (f"\n{summary.undefined} undef." if summary.undefined else "")
 
 
@@ -115,17 +113,3 @@ def _ratio(ratio: Interval) -> str:
 
 def _title(scene: str) -> str:
     return "indoor and outdoor" if scene == "both" else scene
-
-
-def _cell(value: float) -> str:
-    return f"{value:.6g}" if math.isfinite(value) else ""
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Mapping):
-        return {key: _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(item) for item in value]
-    return value

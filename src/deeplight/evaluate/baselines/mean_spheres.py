@@ -26,7 +26,7 @@ def mean_spheres(rigs: list[RigPixels]) -> ConstantLighting:
 
 def _of_rig(rig: RigPixels) -> Float64[np.ndarray, "lights 3"]:
     mirror, diffuse = rig.bases["mirror"], rig.bases["diffuse"]
-    radiance = _seen_in_mirror(mirror, rig.mean_linear("mirror"))
+    radiance = seen_in_mirror(mirror, rig.mean_linear("mirror"))
     mask = rig.mask("diffuse")
     rendered = (diffuse.weights[mask] @ radiance).sum(0)
     filmed = rig.mean_linear("diffuse")[mask].sum(0)
@@ -34,7 +34,7 @@ def _of_rig(rig: RigPixels) -> Float64[np.ndarray, "lights 3"]:
     return scaled
 
 
-def _seen_in_mirror(
+def seen_in_mirror(
     basis: ReflectanceBasis, filmed: Float64[np.ndarray, "pixels 3"]
 ) -> Float64[np.ndarray, "lights 3"]:
     """Give each direction the mean of the mirror pixels that show it, over the reflectivity.

@@ -1,4 +1,4 @@
-"""All baselines of a data set; the constant ones are made once and kept beside it."""
+"""All baselines of a data set; what takes long to make is made once and kept beside it."""
 
 import contextlib
 import zipfile
@@ -6,13 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32
 
 from deeplight.dataset import GROUPS, DataSet, splits_named
 from deeplight.evaluate.baselines.baseline import Baseline, ConstantLighting
 from deeplight.evaluate.baselines.best_constant import best_constant
 from deeplight.evaluate.baselines.khan_2006 import Khan2006
 from deeplight.evaluate.baselines.mean_spheres import mean_spheres
+from deeplight.evaluate.baselines.nearest_neighbour import (
+    NearestNeighbour,
+    chosen_photos,
+    descriptors_of,
+)
 from deeplight.evaluate.baselines.photo_mean import PhotoMean
 from deeplight.evaluate.baselines.training_mean import NAME as MEAN_NAME
 from deeplight.evaluate.baselines.training_mean import SPLIT as MEAN_SPLIT
@@ -21,7 +25,8 @@ from deeplight.evaluate.baselines.training_pixels import training_pixels
 from deeplight.io.atomic import replacing
 
 CACHE = ".constant-baselines.npz"
-VERSION = 2  # of the methods: another one makes the stored results stale
+DESCRIPTORS = ".photo-descriptors.npz"
+VERSION = 3  # of the methods: another one makes the stored results stale
 
 
 def baselines_for(data: DataSet, split: str) -> list[Baseline]:
@@ -33,10 +38,15 @@ def baselines_for(data: DataSet, split: str) -> list[Baseline]:
     Raises:
         DataSetError: an example cannot be read.
     """
-    constants = constant_baselines(data) if data.manifest.examples("train") else []
+    if not data.manifest.examples("train"):
+        return [PhotoMean(), Khan2006()]
     tested = set(splits_named(split))
-    fair = [c for c in constants if c.name != MEAN_NAME or not tested & set(GROUPS[MEAN_SPLIT])]
-    return [*fair, PhotoMean(), Khan2006()]
+    fair = [
+        constant
+        for constant in constant_baselines(data)
+        if constant.name != MEAN_NAME or not tested & set(GROUPS[MEAN_SPLIT])
+    ]
+    return [*fair, PhotoMean(), Khan2006(), nearest_neighbour(data)]
 
 
 def constant_baselines(data: DataSet) -> list[ConstantLighting]:
@@ -58,12 +68,29 @@ def constant_baselines(data: DataSet) -> list[ConstantLighting]:
     true_mean = training_mean(data)
     if true_mean is not None:
         baselines.append(true_mean)
-    with contextlib.suppress(OSError):  # a data set on a read-only disk: made again next time
-        _save(data.folder / CACHE, made_of, baselines)
+    _save(data.folder / CACHE, made_of, {b.name: b.log_radiance for b in baselines})
     return baselines
 
 
-def _load(path: Path, made_of: str) -> dict[str, Float32[np.ndarray, "size size 3"]] | None:
+def nearest_neighbour(data: DataSet) -> NearestNeighbour:
+    """Give the baseline of the most similar training photo; photos are described once.
+
+    Raises:
+        DataSetError: the data set has no training split, or an example cannot be read.
+    """
+    index = data.index("train")
+    numbers = chosen_photos(index)
+    made_of = f"{VERSION} {data.manifest_sha256}"
+    stored = _load(data.folder / DESCRIPTORS, made_of)
+    if stored is None:
+        descriptors = descriptors_of(index, numbers)
+        _save(data.folder / DESCRIPTORS, made_of, {"descriptors": descriptors})
+    else:
+        descriptors = stored["descriptors"]
+    return NearestNeighbour(data, descriptors, numbers)
+
+
+def _load(path: Path, made_of: str) -> dict[str, Any] | None:
     try:
         with np.load(path, allow_pickle=False) as stored:
             if str(stored["made_of"]) != made_of:
@@ -73,7 +100,7 @@ def _load(path: Path, made_of: str) -> dict[str, Float32[np.ndarray, "size size 
         return None  # none yet, or damaged: made again
 
 
-def _save(path: Path, made_of: str, baselines: list[ConstantLighting]) -> None:
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        arrays: dict[str, Any] = {b.name: b.log_radiance for b in baselines}
+def _save(path: Path, made_of: str, arrays: dict[str, Any]) -> None:
+    # A data set on a read-only disk: made again next time.
+    with contextlib.suppress(OSError), replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, made_of=np.array(made_of), **arrays)

@@ -1,0 +1,75 @@
+"""An evaluation from the words of the command line to its results."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from deeplight.dataset import DataSet
+from deeplight.evaluate.baselines.baseline import Baseline
+from deeplight.evaluate.baselines.suite import baselines_for
+from deeplight.evaluate.models import NamedModel, named_models
+from deeplight.evaluate.panorama_estimates import PanoramaEstimates, panorama_estimates
+from deeplight.evaluate.result import SplitResult, measured
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What is to be measured.
+
+    Attributes:
+        data: the data set.
+        splits: of it, or groups of its splits.
+        models, panoramas: as `named_models` and `panorama_estimates` take them.
+        at_most: only so many examples of each split.
+        protocols: other papers' metrics too.
+    """
+
+    data: DataSet
+    splits: Sequence[str]
+    models: Sequence[str] = ()
+    panoramas: Sequence[str] = ()
+    at_most: int | None = None
+    protocols: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Results, one for each split, and the models they are of."""
+
+    results: list[SplitResult]
+    models: list[NamedModel]
+
+
+def evaluation(
+    wanted: Wanted,
+    stage: Callable[[str, int | None], None] = lambda text, total: None,
+    progress: Callable[[int], None] = lambda examples: None,
+) -> Evaluation:
+    """Measure everything that is wanted.
+
+    Args:
+        stage: told what is done next, and how many examples it takes if that is known.
+        progress: told how many examples were finished since the last call.
+
+    Raises:
+        InputError: as `measured`, `named_models` and `panorama_estimates` do, before any work.
+    """
+    sizes = {split: len(wanted.data.index(split)) for split in wanted.splits}
+    models = named_models(wanted.models)
+    others: list[PanoramaEstimates] = panorama_estimates(wanted.panoramas)
+    results = []
+    for split, size in sizes.items():
+        stage("baselines from the training split", None)
+        beside: list[Baseline] = baselines_for(wanted.data, split)
+        stage(f"measuring {split}", min(wanted.at_most or size, size))
+        results.append(
+            measured(
+                [*models, *others],
+                beside,
+                wanted.data,
+                split,
+                wanted.at_most,
+                wanted.protocols,
+                progress,
+            )
+        )
+    return Evaluation(results, models)

@@ -1,0 +1,136 @@
+"""An evaluation as one HTML page: tables, figures, and what each number means."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from deeplight.dataset import DataSet
+from deeplight.dataset.contact_sheet import Picture
+from deeplight.evaluate import report_tables as tables
+from deeplight.evaluate.figures.box_plots import radiance_figure
+from deeplight.evaluate.figures.comparison import comparison_figure
+from deeplight.evaluate.figures.percentiles import percentile_figure, worst_figures
+from deeplight.evaluate.figures.temporal import temporal_figure
+from deeplight.evaluate.result import SplitResult
+from deeplight.evaluate.scores import TRUE_LIGHTING
+from deeplight.io.page import Block, Figure, Heading, Page, Paragraph, Table
+
+MOST_COLUMNS = 10  # of spheres that fit beside each other
+SCENES = ("indoor", "outdoor")
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """The figures of one split.
+
+    Attributes:
+        radiance: box plots by kind of scene.
+        worst: what each shows, and the picture.
+    """
+
+    percentiles: Picture
+    comparison: Picture
+    temporal: Picture | None
+    radiance: Mapping[str, Picture]
+    worst: Sequence[tuple[str, Picture]]
+
+    def by_name(self) -> dict[str, Picture]:
+        """Those that are worth a file of their own."""
+        found = {"percentiles": self.percentiles, "comparison": self.comparison}
+        if self.temporal is not None:
+            found["temporal"] = self.temporal
+        return found | {f"radiance_{scene}": picture for scene, picture in self.radiance.items()}
+
+
+def drawn(result: SplitResult, data: DataSet) -> Pictures:
+    """Draw all figures of a split."""
+    report, first = result.report, result.methods[0]
+    everyone = [name for name in report.scores if name != TRUE_LIGHTING]
+    few = [*result.methods[:3], *(n for n in ("training_mean",) if n in report.scores)]
+    worst = [
+        (_told(result, position), picture)
+        for position, picture in worst_figures(report, data, few, first)
+    ]
+    return Pictures(
+        percentile_figure(report, data, few, first),
+        comparison_figure(report, data, everyone[:MOST_COLUMNS], first),
+        temporal_figure(report, data, result.changes, few, first),
+        {
+            scene: radiance_figure(report, list(report.scores)[:MOST_COLUMNS], scene)
+            for scene in SCENES
+            if report.inside(scene).any()
+        },
+        worst,
+    )
+
+
+def report_page(
+    results: Sequence[SplitResult], pictures: Sequence[Pictures], facts: Mapping[str, Any]
+) -> Page:
+    """Compose the page.
+
+    Args:
+        facts: what is told of models and data.
+    """
+    page = Page("DeepLight: evaluation", _summary(results))
+    page.add(Paragraph(tables.HOW_TO_READ, "note"))
+    for result, shown in zip(results, pictures, strict=True):
+        page.add(*_split(result, shown))
+    page.add(Heading("How it was made"), *tables.made_of(facts))
+    return page
+
+
+def _summary(results: Sequence[SplitResult]) -> str:
+    parts = [
+        f"{r.report.split}: {len(r.report.keys)} examples in {len(set(r.report.places))} places"
+        for r in results
+    ]
+    return f"{', '.join(results[0].methods)} beside trivial baselines. " + "; ".join(parts) + "."
+
+
+def _split(result: SplitResult, shown: Pictures) -> Iterator[Block]:
+    split = result.report.split
+    yield Heading(f"{split}: rendered spheres", split)
+    yield from tables.sphere_tables(result)
+    yield Heading(f"{split}: how bright")
+    for scene, picture in shown.radiance.items():
+        alt = f"Box plots of the relative radiance error, {scene}, by estimator and channel"
+        yield Figure(picture, width_px=picture.shape[1] // 2, alt=alt, exact=True)
+    yield Paragraph(tables.RADIANCE)
+    if result.knows_light:
+        yield Heading(f"{split}: against the true light")
+        yield from tables.light_tables(result)
+    yield Heading(f"{split}: from frame to frame")
+    yield from _temporal(result, shown)
+    yield Heading(f"{split}: typical, better and worse photos")
+    yield Figure(
+        shown.percentiles, "25th, 50th and 75th percentile of L_rec, indoor above outdoor."
+    )
+    yield Heading(f"{split}: the same photos under every estimator")
+    yield Figure(shown.comparison, "Diffuse, matte silver and mirror from top to bottom.")
+    yield Heading(f"{split}: the worst places")
+    yield from (Figure(picture, told) for told, picture in shown.worst)
+    if result.protocols:
+        yield Heading(f"{split}: three-sphere protocol of StyleLight and DiffusionLight")
+        yield from tables.protocol_tables(result)
+
+
+def _temporal(result: SplitResult, shown: Pictures) -> Iterator[Block]:
+    table: Table | None = tables.flicker_table(result)
+    if table is None:
+        yield Paragraph("No two neighbouring frames of a take with known camera poses.")
+        return
+    yield Paragraph(tables.FLICKER)
+    yield table
+    if shown.temporal is not None:
+        yield Figure(shown.temporal, "Neighbouring frames of one take and their spheres, in order.")
+
+
+def _told(result: SplitResult, position: int) -> str:
+    report = result.report
+    scores = report.scores[result.methods[0]]
+    l1 = " / ".join(f"{scores.l1[s][position]:.2f}" for s in ("diffuse", "matte_silver", "mirror"))
+    return (
+        f"{report.places[position]} ({report.scenes[position]}), {report.keys[position]}: "
+        f"L1 diffuse / silver / mirror {l1}"
+    )
