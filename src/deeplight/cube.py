@@ -46,7 +46,7 @@ def solid_angles(size: int) -> Float[np.ndarray, "size size"]:
 def position(
     directions: Directions, size: int
 ) -> tuple[Int[np.ndarray, "*n"], Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-    """(face, row, column) of directions; row and column continuous, 0.0 the first pixel's centre."""
+    """(face, row, column) of directions; 0.0 is the first pixel's centre, continuous."""
     forward = np.stack([directions @ axes[0].astype(directions.dtype) for axes in _AXES], axis=-1)
     face = forward.argmax(axis=-1)
     depth = np.take_along_axis(forward, face[..., None], axis=-1)[..., 0]

@@ -30,7 +30,7 @@ class Edit:
         main_light: factor on the main light: 0 takes it out, 2 doubles it.
         main_light_to: direction to move the main light to (azimuth, elevation) in degrees; azimuth
             0 is straight ahead, positive to the right; its power stays.
-        turn: yaw, pitch, roll in degrees that the light is turned by, as `frames.world_from_camera`:
+        turn: yaw, pitch, roll in degrees to turn the light by, as `frames.world_from_camera` does:
             positive yaw moves light in front to the left, positive pitch raises it.
         tint: factor on red, green and blue.
         stops: brightness in doublings.

@@ -6,6 +6,7 @@ its right, +Y above it. Between mappings light is averaged or interpolated, neve
 """
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -13,16 +14,9 @@ from jaxtyping import Float
 from deeplight import angular, cube, latlong, mirror_ball, resample
 from deeplight.errors import ShapeError
 
-MAPPINGS = (
-    "latlong",
-    "mirror-ball",
-    "angular",
-    "cube",
-    "cross",
-    "horizontal-cross",
-    "strip",
-    "column",
-)
+Mapping = Literal[
+    "latlong", "mirror-ball", "angular", "cube", "cross", "horizontal-cross", "strip", "column"
+]
 LARGEST_BALL = 1024
 """A larger mirror ball is averaged down before it is unwrapped."""
 
@@ -133,7 +127,7 @@ def probe_from_latlong(radiance: Picture, mapping: str, size: int) -> Picture:
 
     Args:
         radiance: the panorama.
-        mapping: one of `MAPPINGS`.
+        mapping: any `Mapping` but that.
         size: rows of a latlong, side of a disc, side of a face of a cube.
     """
     if mapping == "latlong":

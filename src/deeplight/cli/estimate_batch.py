@@ -15,7 +15,7 @@ from deeplight.estimate.onnx_estimator import Estimate, OnnxEstimator
 from deeplight.estimate.results import write_results
 from deeplight.estimate.sources import Source, find_sources
 from deeplight.export.orientation import TOOLS
-from deeplight.export.webxr import light_estimate
+from deeplight.export.webxr import light_estimate_file
 from deeplight.io.atomic import results_folder
 
 
@@ -86,7 +86,7 @@ class Batch:
     def _write(self, estimate: Estimate, stem: str) -> list[Path]:
         further = {}
         if self.made_for == "webxr":
-            further[".webxr.json"] = light_estimate(estimate.lighting)
+            further[".webxr.json"] = light_estimate_file(estimate.lighting)
         tool = TOOLS.get(self.made_for or "")
         turn = tool.turn if tool else None
         return write_results(

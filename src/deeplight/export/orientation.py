@@ -116,3 +116,47 @@ def turned_for(
     if tool not in TOOLS:
         raise InputError(f"one of {', '.join(sorted(TOOLS))}", repr(tool), "name one of them")
     return TOOLS[tool].turn.of(latlong)
+
+
+def turned_from(
+    latlong: Float32[np.ndarray, "height width 3"], tool: str
+) -> Float32[np.ndarray, "height width 3"]:
+    """Turn an environment made for `tool` back into ours; undoes `turned_for`.
+
+    Raises:
+        InputError: no such tool, or the width is no multiple of 4.
+    """
+    if tool not in TOOLS:
+        raise InputError(f"one of {', '.join(sorted(TOOLS))}", repr(tool), "name one of them")
+    turn = TOOLS[tool].turn
+    return Turn(view_u=(1 - turn.view_u) % 1).of(latlong)
+
+
+CUBE_TOOLS = {
+    "three": "three.js CubeTextureLoader: px shows our -X, nx our +X; all seen from inside",
+    "webxr": "OpenGL cube map in the camera's axes, as WebXR's getReflectionCubeMap gives it",
+}
+"""The tools that take six faces, and how they want them."""
+
+
+def faces_for(
+    faces: Float32[np.ndarray, "6 size size 3"], tool: str | None
+) -> Float32[np.ndarray, "6 size size 3"]:
+    """Turn our six faces (`cube.FACES`, seen from inside) into those that `tool` loads, or back.
+
+    OpenGL's faces are seen from outside, so each is ours mirrored: left-right at the sides,
+    up-down at the top and bottom. three.js looks its cubes up with x negated, which makes them
+    inside views again, with +X and -X changed and the top and bottom turned half way round. Doing
+    either twice gives the same faces again.
+
+    Raises:
+        InputError: the tool loads no six faces, or its way is not known.
+    """
+    if tool is None:
+        return faces
+    if tool == "webxr":
+        return np.concatenate([faces[:2, :, ::-1], faces[2:4, ::-1], faces[4:, :, ::-1]])
+    if tool == "three":
+        return np.stack([faces[1], faces[0], *np.rot90(faces[2:4], 2, axes=(1, 2)), *faces[4:]])
+    got = f"'{tool}', which loads a latlong"
+    raise InputError(f"a cube for {' or '.join(CUBE_TOOLS)}", got, "leave out the cube or the tool")

@@ -120,11 +120,12 @@ def load_lighting(path: Path | str) -> Lighting:
     if path.suffix.lower() == ".json":
         return _from_json(path)
     latlong = np.maximum(read_hdr(path), 0)
-    shift = round((0.5 - _view_u(path)) * latlong.shape[1])
+    shift = round((0.5 - view_u(path)) * latlong.shape[1])
     return Lighting.from_latlong(np.roll(latlong, shift, axis=1))
 
 
-def _view_u(path: Path) -> float:
+def view_u(path: Path) -> float:
+    """The view's column, 0 to 1, as an EXR of ours tells it; 0.5 for any other picture."""
     with opened(path, max_pixels=10**9) as file:
         return float(file.spec().get_float_attribute(VIEW_U, 0.5))
 

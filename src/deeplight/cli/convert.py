@@ -1,0 +1,64 @@
+"""Bring light into the format of a tool, right side up, edited on the way.
+
+deeplight convert out/photo.json --out light.glb
+
+deeplight convert studio.hdr --out light.exr --for blender --turn 30 0 0 --stops -1
+
+deeplight convert --test-panorama --out labelled.js
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from deeplight.edit import Edit, edited_latlong
+from deeplight.probe import Mapping
+
+Format = Literal["exr", "hdr", "jpg", "json", "webxr", "gltf", "glb", "blender", "three"]
+Tool = Literal["blender", "three", "mitsuba", "unity", "unreal", "webxr"]
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `deeplight convert`."""
+
+    inputs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="IN...")]
+    """A lighting .json or .exr of deeplight, an HDR picture, or six faces +X -X +Y -Y +Z -Z."""
+    out: Path
+    """.exr .hdr .jpg .json .webxr.json .gltf .glb .py (Blender) .js (three.js)."""
+    format: Format | None = None
+    """What to write, if the name's ending does not tell."""
+    mapping: Mapping = "latlong"
+    """Mapping of a picture that is written; cube gives six files."""
+    size: int | None = None
+    """Rows of a latlong, side of a disc or a face. Default: as fine as what comes in."""
+    made_for: Annotated[Tool | None, tyro.conf.arg(name="for")] = None
+    """Turn a latlong or a cube for this tool."""
+    in_mapping: Mapping | None = None
+    """Mapping of IN. Default: its shape tells; a square must be told."""
+    made_from: Annotated[Tool | None, tyro.conf.arg(name="from")] = None
+    """IN is turned as this tool has it."""
+    test_panorama: bool = False
+    """Use the labelled test panorama instead of IN."""
+    edit: Annotated[Edit, tyro.conf.arg(name="")] = field(default_factory=Edit)
+
+
+def run(args: Args) -> None:
+    """Read, edit and write."""
+    from rich.console import Console
+
+    from deeplight.export.environment import Environment
+    from deeplight.export.files import Wish, write_environment
+    from deeplight.export.labelled import labelled_environment
+    from deeplight.export.source import read_environment
+
+    wish = Wish(args.out, args.format, args.mapping, args.made_for, args.size)
+    wish.must_not_replace(args.inputs)
+    test = labelled_environment() if args.test_panorama else None
+    light = test or read_environment(args.inputs, args.in_mapping, args.made_from)
+    if args.edit != Edit():
+        light = Environment(edited_latlong(light.radiance, args.edit))
+    files = write_environment(light, wish)
+    Console(highlight=False, soft_wrap=True, markup=False).print(*files, sep="\n")

@@ -1,0 +1,220 @@
+"""Light out: one environment in the format and orientation that somebody asked for."""
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from deeplight import cube
+from deeplight.errors import ConfigError
+from deeplight.export.environment import Environment
+from deeplight.export.gltf import glb, gltf
+from deeplight.export.orientation import TOOLS, faces_for, turned_for
+from deeplight.export.webxr import light_estimate_file
+from deeplight.harmonics import project
+from deeplight.io.atomic import replacing
+from deeplight.io.gain_map import write_gain_map_jpeg
+from deeplight.io.hdr import write_exr, write_hdr
+from deeplight.io.lighting_file import FRAME, UNIT, VIEW_U, save_lighting
+from deeplight.probe import cube_from_latlong, probe_from_latlong, resized, unfolded
+
+LARGEST_SIZE = 8192
+PICTURES = ("exr", "hdr", "jpg")
+WITHOUT_VIEW = frozenset({"mirror-ball", "angular", "cross", "horizontal-cross"})
+"""Mappings whose middle is the view (or its opposite) by definition, so that no tool turns them."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What to write.
+
+    Attributes:
+        path: of the file; a cube's six get `_px` and so on before the suffix, a script and a
+            `.json` an `.exr` of the same name beside them.
+        format: one of `FORMATS`; left out, the suffix tells.
+        mapping: of a picture, any `probe.Mapping`.
+        made_for: the tool to turn it for.
+        size: rows of a latlong, side of a disc or a face; left out, as fine as what came in.
+    """
+
+    path: Path
+    format: str | None = None
+    mapping: str = "latlong"
+    made_for: str | None = None
+    size: int | None = None
+
+    def __post_init__(self) -> None:
+        kind = self.kind
+        if self.mapping != "latlong" and kind not in PICTURES:
+            got = f"{self.mapping} for {kind}"
+            raise ConfigError(f"a picture ({', '.join(PICTURES)}) of that mapping", got, "drop one")
+        if self.made_for and self.mapping in WITHOUT_VIEW:
+            got = f"{self.mapping} for {self.made_for}"
+            raise ConfigError("a latlong or a cube to turn for a tool", got, "drop one of them")
+        if self.size is not None and not 4 <= self.size <= LARGEST_SIZE:
+            raise ConfigError(f"a size of 4 to {LARGEST_SIZE}", f"{self.size}", "correct it")
+        if self.size is not None and self.mapping == "latlong" and self.size % 2:
+            raise ConfigError("an even number of rows", f"{self.size}", "correct it")
+
+    @property
+    def kind(self) -> str:
+        """The format, by name.
+
+        Raises:
+            ConfigError: no format, and a suffix that tells none.
+        """
+        if self.format is not None:
+            return self.format
+        name = self.path.name.lower()
+        for suffix, kind in SUFFIXES.items():
+            if name.endswith(suffix):
+                return kind
+        expected = f"--out ending in {' '.join(SUFFIXES)}"
+        raise ConfigError(expected, f"{self.path}", "rename it or give --format")
+
+    def must_not_replace(self, inputs: Sequence[Path]) -> None:
+        """Raise ConfigError if the output is one of the inputs."""
+        for path in inputs:
+            if path.exists() and self.path.exists() and path.samefile(self.path):
+                raise ConfigError("another name for --out", f"{path}, an input", "rename it")
+
+
+SUFFIXES: Mapping[str, str] = MappingProxyType(
+    {
+        ".exr": "exr",
+        ".hdr": "hdr",
+        ".jpg": "jpg",
+        ".jpeg": "jpg",
+        ".webxr.json": "webxr",
+        ".json": "json",
+        ".gltf": "gltf",
+        ".glb": "glb",
+        ".py": "blender",
+        ".js": "three",
+    }
+)
+"""What a name's ending says; the longer of two comes first."""
+
+
+def write_environment(environment: Environment, wish: Wish) -> list[Path]:
+    """Write what `wish` names, each file whole or not at all; give the files written.
+
+    Raises:
+        OSError: a file cannot be written.
+        InputError: the tool takes no such picture.
+    """
+    return FORMATS[wish.kind](environment, wish)
+
+
+def _picture(environment: Environment, wish: Wish) -> list[Path]:
+    rows = len(environment.radiance)
+    if wish.mapping in ("cube", "strip", "column"):
+        faces = cube_from_latlong(environment.radiance, wish.size or max(rows // 2, 4))
+        faces = faces_for(faces, wish.made_for)
+        if wish.mapping == "cube":
+            return _six(faces, wish)
+        return [_written(wish.path, unfolded(faces, wish.mapping), wish)]
+    cross = "cross" in wish.mapping
+    size = wish.size or (max(rows // 2, 4) if cross else rows)
+    picture = probe_from_latlong(environment.radiance, wish.mapping, size)
+    if wish.mapping == "latlong" and wish.made_for in TOOLS:
+        picture = turned_for(picture, wish.made_for)
+    return [_written(wish.path, picture, wish)]
+
+
+def _six(faces: np.ndarray, wish: Wish) -> list[Path]:
+    written = []
+    for name, face in zip(cube.FACES, faces, strict=True):
+        sign = {"+": "p", "-": "n"}[name[0]]
+        path = wish.path.with_name(f"{wish.path.stem}_{sign}{name[1]}{wish.path.suffix}")
+        written.append(_written(path, face, wish))
+    return written
+
+
+def _written(path: Path, picture: np.ndarray, wish: Wish) -> Path:
+    radiance = np.ascontiguousarray(picture, np.float32)
+    if wish.kind == "exr":
+        header: dict[str, str | int | float] = {"deeplight:unit": UNIT, "deeplight:frame": FRAME}
+        if wish.mapping == "latlong":
+            tool = TOOLS.get(wish.made_for or "")
+            header[VIEW_U] = tool.view_u if tool else 0.5
+        write_exr(path, radiance, header)
+    elif wish.kind == "hdr":
+        write_hdr(path, radiance)
+    else:
+        write_gain_map_jpeg(path, radiance)
+    return path
+
+
+def _lighting_file(environment: Environment, wish: Wish) -> list[Path]:
+    tool = TOOLS.get(wish.made_for or "")
+    stem = wish.path.with_suffix("") if wish.path.suffix.lower() == ".json" else wish.path
+    turn = tool.turn if tool else None
+    latlong = resized(environment.radiance, 256)
+    return save_lighting(environment.lighting, stem, turn=turn, latlong=latlong)
+
+
+def _webxr(environment: Environment, wish: Wish) -> list[Path]:
+    content = light_estimate_file(environment.lighting, environment.main_light)
+    return _text(wish.path, json.dumps(content, indent=1) + "\n")
+
+
+def _gltf(environment: Environment, wish: Wish) -> list[Path]:
+    return _text(wish.path, json.dumps(gltf(environment)) + "\n")
+
+
+def _glb(environment: Environment, wish: Wish) -> list[Path]:
+    with replacing(wish.path) as temporary:
+        temporary.write_bytes(glb(environment))
+    return [wish.path]
+
+
+def _script(tool: str, snippet: str) -> Callable[[Environment, Wish], list[Path]]:
+    def write(environment: Environment, wish: Wish) -> list[Path]:
+        if wish.made_for not in (None, tool):
+            raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
+        beside = Wish(wish.path.with_suffix(".exr"), "exr", made_for=tool, size=wish.size)
+        text = files("deeplight.export").joinpath("snippets", snippet).read_text(encoding="utf-8")
+        light = environment.main_light
+        facts = {
+            "direction": light.direction.tolist(),
+            "irradiance": light.irradiance.tolist(),
+            "angularRadius": light.angular_radius_rad,
+        }
+        for mark, value in {
+            "NAME": re.sub(r"[^\w .-]", "_", wish.path.stem),
+            "EXR": json.dumps(beside.path.name),
+            "MAIN_LIGHT": json.dumps(facts),
+            "HARMONICS": json.dumps(project(light.remainder).tolist()),
+        }.items():
+            text = text.replace(f"@{mark}@", value)
+        return [*_picture(environment, beside), *_text(wish.path, text)]
+
+    return write
+
+
+def _text(path: Path, text: str) -> list[Path]:
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return [path]
+
+
+FORMATS: Mapping[str, Callable[[Environment, Wish], list[Path]]] = MappingProxyType(
+    {
+        "exr": _picture,
+        "hdr": _picture,
+        "jpg": _picture,
+        "json": _lighting_file,
+        "webxr": _webxr,
+        "gltf": _gltf,
+        "glb": _glb,
+        "blender": _script("blender", "blender.py.txt"),
+        "three": _script("three", "three.js"),
+    }
+)
+"""How each format is written."""
