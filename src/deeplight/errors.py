@@ -7,6 +7,7 @@
         ├── ModelError          a model file is missing, broken or made for something else
         ├── DataSetError        a data set folder is missing, broken or breaks its own rules
         ├── ConfigError         settings that contradict each other or an earlier run
+        ├── DownloadError       a file from the network that did not come, or another one came
         └── MissingExtraError   an optional dependency is not installed
 
 Every `InputError` says what was expected, what was found and what to do about it.
@@ -50,6 +51,10 @@ class DataSetError(InputError):
 
 class ConfigError(InputError):
     """Settings that contradict each other or an earlier run."""
+
+
+class DownloadError(InputError):
+    """A file that the network did not give, or not the one that was announced."""
 
 
 class MissingExtraError(InputError):

@@ -140,11 +140,16 @@ def _listed(manifest: Path) -> Iterator[Place]:
         )
 
 
+def split_drawn_for(name: str) -> str:
+    """The split of a place of which nothing but its name is known: 80 % train, 10 % val, test."""
+    draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32
+    return "train" if draw < 0.8 else "val" if draw < 0.9 else "test"
+
+
 def _found(folder: Path) -> Iterator[Place]:
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() in SUFFIXES and path.is_file():
-            draw = int.from_bytes(hashlib.sha256(path.stem.encode()).digest()[:4], "big") / 2**32
-            split = "train" if draw < 0.8 else "val" if draw < 0.9 else "test"
+            split = split_drawn_for(path.stem)
             place = Place(path, path.stem, "outdoor", split)
             try:
                 scene = guessed_scene(load(place))
