@@ -182,7 +182,7 @@ class _Finger:
         self, camera: PinholeCamera, rig: FilmRig, seconds: float, rng: np.random.Generator
     ) -> None:
         name = SPHERES[int(rng.integers(3))]
-        row, column = camera.pixel_of_directions(rig.centres_m[name])
+        (row,), (column,) = camera.pixel_of_directions(rig.centres_m[name][None])
         self._camera = camera
         self._radius_px = camera.width * rng.uniform(0.035, 0.05)
         right = column > camera.width / 2

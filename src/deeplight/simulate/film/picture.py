@@ -21,6 +21,7 @@ Root = Float32[np.ndarray, "3 height width"]
 
 _BRIGHTEST = 1.5  # times white: how far the tone curve's table goes, so that noise clips last
 _TABLE = 4096
+_MIDDLE = 0.2  # radiance at which the noise is exact; a tenth off in the dark
 _DENOISED = 4  # sensor pixels behind a film's pixel, for a phone's noise reduction
 _NOISE_BANK, _STRETCH = 1 << 20, 1 << 16
 
@@ -112,7 +113,8 @@ class FrameMaker:
         `phone.develop` for two million pixels: the gamma of a frame makes the noise of light, which
         grows with its root, nearly the same everywhere, so it is added after the curve.
         """
-        deviation = np.sqrt(self._habits.noise / _DENOISED) / self._habits.gamma * 255
+        steepness = _MIDDLE ** (1 / self._habits.gamma - 0.5) / self._habits.gamma
+        deviation = np.sqrt(self._habits.noise / _DENOISED) * steepness * 255
         pixel = np.empty(frame.shape, np.uint8)
         flat, source = pixel.reshape(-1), frame.reshape(-1)
         for some, noise in _noise(len(flat), float(deviation), rng):

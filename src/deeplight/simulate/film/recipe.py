@@ -31,8 +31,9 @@ class FilmRecipe:
         seconds: of each clip.
         rate: frames a second.
         size: width of the upright portrait frame in pixels; the height is 16 / 9 of it.
-        troubles: of `TROUBLES`, given to all clips but the first third, one or two each in turn;
-            "all" is every one of them.
+        troubles: given to all clips but the first third, one or two each in turn: low_texture,
+            dark, over_exposed, partly_out, hand, dropped_frames, variable_rate, hlg10,
+            landscape, rotated, blur, still; or all.
         split: film in places of this split only: "train", "val", "test" or "any".
         phone: camera preset.
         vary_rig: draw order, distance and tilt of the spheres; else the paper's rig.

@@ -20,7 +20,6 @@ Item = TypeVar("Item")
 
 _STEP = 16  # pixels of the film between followed directions
 _REACH_RAD = 2.15  # how far from its centre the chart goes
-_CHART_TEXEL = 0.006  # about a texel of a 1024 x 512 panorama
 _BLOCK = 16  # rows
 _COLOUR_STEPS = 3  # of a shutter's sub-frames: what has no detail needs no more
 _TILE_PER_PIXEL = 3.0  # texels of noise along a pixel of half size: so fine needs no blending
@@ -42,6 +41,7 @@ class Scenery:
         """
         self._world, self._camera, self._tile = world, camera, tile
         self._chart_from_world = looks.T
+        self._texel = np.pi / len(world.levels[0])  # of the chart: as fine as the panorama
         self._chart = self._painted()
         height, width = camera.height, camera.width
         rows, columns = -(-height // _STEP) + 1, -(-width // _STEP) + 1
@@ -95,10 +95,11 @@ class Scenery:
     def _colour(self, x: np.ndarray, y: np.ndarray) -> Float[np.ndarray, "_height _width 4"]:
         down, right = self._eighth
         middle, last = (len(self._chart) - 1) / 2, len(self._chart) - 2
-        column = np.clip((down @ x @ right.T) / _CHART_TEXEL + middle, 0, last + 0.999)
-        row = np.clip(middle - (down @ y @ right.T) / _CHART_TEXEL, 0, last + 0.999)
+        column = np.clip((down @ x @ right.T) / self._texel + middle, 0, last + 0.999)
+        row = np.clip(middle - (down @ y @ right.T) / self._texel, 0, last + 0.999)
         left, top = column.astype(np.int32), row.astype(np.int32)
-        u, v = (column - left)[..., None], (row - top)[..., None]
+        u = (column - left.astype(np.float32))[..., None]
+        v = (row - top.astype(np.float32))[..., None]
         flat, width = self._chart.reshape(-1, 4), len(self._chart)
         at = top * width + left
         upper = flat[at] * (1 - u) + flat[at + 1] * u
@@ -117,8 +118,8 @@ class Scenery:
 
     def _painted(self) -> Float[np.ndarray, "chart chart 4"]:
         """The panorama on the chart, and how strong the texture is there."""
-        size = round(2 * 2 * np.tan(_REACH_RAD / 2) / _CHART_TEXEL)
-        along = ((np.arange(size) - (size - 1) / 2) * _CHART_TEXEL).astype(np.float32)
+        size = round(2 * 2 * np.tan(_REACH_RAD / 2) / self._texel)
+        along = ((np.arange(size) - (size - 1) / 2) * self._texel).astype(np.float32)
         chart = np.empty((size, size, 4), np.float32)
         for row in range(size):  # row by row keeps the working set small
             x, y = along / 2, np.full(size, -along[row] / 2, np.float32)

@@ -101,7 +101,7 @@ def true_spheres(
         distance = float(np.linalg.norm(centre))
         angle = float(np.arcsin(rig.radius_m / distance))
         view = SphereView(looking_at(centre), angle, CROP_SIZE)
-        row, column = camera.pixel_of_directions(centre / distance)
+        (row,), (column,) = camera.pixel_of_directions(centre[None])
         (x, y), axes, turn = ellipse_px(view, camera)
         result[name] = {
             "direction": (centre / distance).tolist(),

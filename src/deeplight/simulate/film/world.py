@@ -37,12 +37,14 @@ class World:
             towards a direction (the diffuse one: that faces it), as small panoramas.
         amplitude: of the fine texture, as a panorama.
         dome_m: how far away everything above the floor is.
+        floor_m: how far below the panorama's place the floor is.
     """
 
     levels: tuple[Float[np.ndarray, "_height _width 3"], ...]
     glossy: Float[np.ndarray, "materials small_height small_width 3"]
     amplitude: Float[np.ndarray, "quarter_height quarter_width 1"]
     dome_m: float
+    floor_m: float = FLOOR_M
 
     def seen(self, place_m: Float[np.ndarray, "3"], directions: Directions) -> Directions:
         """The panorama's direction of what is seen from `place_m` along world directions."""
@@ -53,7 +55,7 @@ class World:
         along = directions @ place_m.astype(directions.dtype)
         reach = np.sqrt(along * along - float(place_m @ place_m) + self.dome_m**2) - along
         down = np.minimum(directions[..., 1], -1e-6)
-        reach = np.minimum(reach, (-FLOOR_M - float(place_m[1])) / down)
+        reach = np.minimum(reach, (-self.floor_m - float(place_m[1])) / down)
         return place_m.astype(directions.dtype) + reach[..., None] * directions
 
     def radiance(self, directions: Directions, level: int = 0) -> Float[np.ndarray, "*n 3"]:
