@@ -258,6 +258,19 @@ def test_what_cannot_be_trained_is_refused(data, tmp_path):
         load_best(tmp_path)
 
 
+def test_a_run_can_start_from_components_of_fitted_light(data, tmp_path):
+    mixed = ("network.components=2", "optimiser.decoder_after=2", "schedule.steps=2")
+    train(data, tmp_path, settings(*mixed, "run.validate_every=2"))
+    table = np.load(tmp_path / "fitted" / "components.npy")
+    assert table.shape == (3, 3, 32, 32)
+    assert np.abs(table[1]).sum() > 0
+    generator, _ = load_best(tmp_path)
+    assert np.array_equal(generator.mixture.components.numpy(), table[1:])
+    (tmp_path / "fitted" / "components.npy").unlink()  # from here on the checkpoint has them
+    train(data, tmp_path, settings(*mixed, "run.validate_every=2"))
+    assert not (tmp_path / "fitted" / "components.npy").exists()
+
+
 def test_a_run_can_start_from_the_weights_of_another(data, whole, tmp_path):
     """Without steps of any size, what it validates is the old run's best network."""
     still = settings("optimiser.learning_rate=0.0", "schedule.steps=1", "run.validate_every=1")

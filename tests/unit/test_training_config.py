@@ -35,6 +35,10 @@ def test_the_paper_preset_has_the_papers_numbers():
         "network.decoder_norm": "batch",
         "network.latent_size": 256,
         "augment.flip": True,
+        "adversarial.enabled": True,
+        "adversarial.lambda_rec": 0.999,
+        "adversarial.learning_rate_factor": 0.01,
+        "adversarial.form": "minimax",
         "augment.cutout": 0.0,
         "augment.white_balance": 0.0,
     }
@@ -78,6 +82,8 @@ def test_settings_change_a_preset():
         "loss.form=other",
         "schedule.steps=few",
         "augment.flip=1",
+        "adversarial.form=wasserstein",
+        "adversarial.lambda_rec=1.5",
         "loss.form",
     ],
 )
@@ -97,6 +103,14 @@ def test_a_resumed_run_may_change_only_what_changes_no_result():
     assert differences(old, preset("small", ["loss.form=paper"])) == [
         "loss.form consistent -> paper"
     ]
+
+
+def test_a_run_older_than_a_setting_is_resumed_with_it_off():
+    old = json.loads(json.dumps(flatten(PRESETS["small"])))
+    for key in [key for key in old if key.startswith("adversarial.")]:
+        del old[key]
+    assert differences(old, preset("small")) == []
+    assert differences(old, preset("small-adv")) == ["adversarial.enabled False -> True"]
 
 
 def test_steps_follow_from_epochs():

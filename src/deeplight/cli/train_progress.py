@@ -44,6 +44,9 @@ class TrainProgress:
 
     def show(self, standing: Standing) -> None:
         """Move the bar; print the validation if there was one."""
+        if standing.fitted is not None:
+            self.start.update("fitting light to example {} of {}".format(*standing.fitted))
+            return
         if not self.bar.live.is_started:
             self.start.stop()
             self.bar.start()

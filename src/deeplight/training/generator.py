@@ -52,6 +52,9 @@ class NetworkConfig:
     0.35. ImageNet weights are for 1.0."""
     output_size: int = 32
     """Pixels along the mirror ball: 16, 32 or 64."""
+    components: int = 0
+    """So many principal components of lighting fitted to training examples (see `fitted`), which
+    the latent vector mixes; the decoder adds what they lack, nothing at first. 0: no components."""
 
 
 class Decoder(nn.Module):
@@ -87,6 +90,26 @@ class Decoder(nn.Module):
         return log_radiance
 
 
+class Mixture(nn.Module):
+    """Latent vector -> a mixture of principal components of ln radiance; starts at their mean."""
+
+    mean: Tensor
+    components: Tensor
+
+    def __init__(self, latent_size: int, count: int, size: int) -> None:
+        super().__init__()
+        self.mix = nn.Linear(latent_size, count)
+        nn.init.zeros_(self.mix.weight)
+        nn.init.zeros_(self.mix.bias)
+        self.register_buffer("mean", torch.full((3, size, size), math.log(START_RADIANCE)))
+        self.register_buffer("components", torch.zeros(count, 3, size, size))
+
+    def forward(self, latent: Float[Tensor, "n latent"]) -> Float[Tensor, "n 3 size size"]:
+        return self.mean + (self.mix(latent) @ self.components.flatten(1)).unflatten(
+            1, self.mean.shape
+        )
+
+
 class Generator(nn.Module):
     """Photo in [-0.5, 0.5] -> ln radiance on the mirror ball (32 x 32), camera frame.
 
@@ -119,6 +142,12 @@ class Generator(nn.Module):
             config.latent_size, config.decoder_widths, config.decoder_norm, config.output_size
         )
         self.initialise()
+        self.mixture: Mixture | None = None
+        if config.components:
+            self.mixture = Mixture(config.latent_size, config.components, config.output_size)
+            assert self.decoder.up3.bias is not None
+            nn.init.zeros_(self.decoder.up3.weight)
+            nn.init.zeros_(self.decoder.up3.bias)
 
     def initialise(self) -> None:
         """He's initialisation for ReLU; the output starts near ln 0.3 with little spread."""
@@ -136,8 +165,9 @@ class Generator(nn.Module):
         # Contiguous first: the flatten order is NCHW's, whatever the memory format.
         features = self.encoder(photo).contiguous().flatten(1)  # (n, 4800)
         latent = self.activation(self.latent_norm(self.latent(features)))  # (n, 256)
-        log_radiance: Tensor = self.decoder(self.dropout(latent))
-        return log_radiance
+        latent = self.dropout(latent)
+        log_radiance: Tensor = self.decoder(latent)
+        return log_radiance if self.mixture is None else log_radiance + self.mixture(latent)
 
 
 def twice_as_large(x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h2 w2"]:

@@ -32,7 +32,8 @@ from deeplight.training.batches import (
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
 from deeplight.training.devices import ALONE, Share
-from deeplight.training.generator import Generator
+from deeplight.training.fitted import fit_all, principal_components
+from deeplight.training.generator import Generator, Mixture
 from deeplight.training.imagenet import load_imagenet
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
@@ -41,6 +42,7 @@ from deeplight.training.validation import SphereErrors, Validation, score, some_
 
 BEST = "best.safetensors"
 CONSTANT = "constant_log_radiance.npy"
+FITTED = "fitted"
 CALIBRATION_PHOTOS = 256
 CONSTANT_EXAMPLES = 2048
 
@@ -55,6 +57,8 @@ class Progress:
     images_per_second: float
     errors: Sequence[SphereErrors] = ()
     """Of a validation that has just been done."""
+    fitted: tuple[int, int] | None = None
+    """Before the first step: examples whose lighting is fitted, and of how many."""
 
 
 Watch = Callable[[Progress], None]
@@ -79,9 +83,10 @@ def train(
         ConfigError: `run_dir` holds a run with other settings or data; the loss is not finite.
         ModelError: the ImageNet weights or the checkpoint cannot be read.
     """
-    run = Run(open_dataset(data_dir), run_dir, config, imagenet, weights)
+    watch = watch or (lambda _: None)
+    run = Run(open_dataset(data_dir), run_dir, config, imagenet, weights, watch)
     try:
-        return run.to_the_end(watch or (lambda _: None))
+        return run.to_the_end(watch)
     finally:
         run.record.close()
 
@@ -96,6 +101,7 @@ class Run:
         config: TrainConfig,
         imagenet: Path | None = None,
         weights: Path | None = None,
+        watch: Watch = lambda _: None,
     ) -> None:
         self.run_dir, self.config, self.manifest = run_dir, config, data.manifest_sha256
         resumed = checkpoint.latest(run_dir)
@@ -112,6 +118,8 @@ class Run:
         self.step, self.best_score = 0, float("inf")
         if saved:
             self.restore(*saved)
+        elif weights is None and self.generator.mixture is not None:
+            self.start_mixture(self.generator.mixture, watch)
         facts = {
             "seed": config.run.seed,
             "data": data.address,
@@ -188,6 +196,25 @@ class Run:
             else None
         )
 
+    def start_mixture(self, mixture: Mixture, watch: Watch) -> None:
+        """Fit lighting to training examples; the network starts from its principal components."""
+        config, path = self.config, self.run_dir / FITTED / "components.npy"
+        if self.first and not path.exists():
+            some = some_of(self.examples, CONSTANT_EXAMPLES, config.data.workers)
+
+            def told(done: int, count: int) -> None:
+                watch(Progress(0, self.total, float("nan"), 0.0, fitted=(done, count)))
+
+            fits = fit_all(self.bases, some, config.loss, path.parent, told)
+            flips, shuffles = config.augment.flip, config.augment.channel_shuffle > 0
+            parts = principal_components(fits, config.network.components, flips, shuffles)
+            with replacing(path) as temporary:
+                np.save(temporary, torch.cat((parts[0][None], parts[1])).numpy())
+        self.fabric.barrier()
+        table = torch.from_numpy(np.load(path, allow_pickle=False))
+        mixture.mean.copy_(table[0])
+        mixture.components.copy_(table[1:])
+
     def restore(self, header: checkpoint.Header, states: dict[str, dict[str, Tensor]]) -> None:
         """Put the state of a checkpoint back."""
         self.step, self.best_score = header.step, header.best_score
@@ -261,7 +288,7 @@ class Run:
         config = self.config
         factor = config.schedule.factor(self.step, self.total)
         learning_rate = config.optimiser.learning_rate * factor
-        set_learning_rate(self.optimiser, learning_rate)
+        set_learning_rate(self.optimiser, learning_rate, self.step)
         inputs = self.inputs(batch, self.step, self.share)
         log_radiance = turn_back(self.network(inputs.photo), inputs.flipped)
         terms = reconstruction_terms(

@@ -23,6 +23,8 @@ class OptimiserConfig:
     """The encoder's learning rate as a share of the rest's."""
     freeze_blocks: int = 0
     """The stem and the first so many blocks keep their initial weights; 0 trains everything."""
+    decoder_after: int = 0
+    """With `network.components`: steps in which only these are mixed and the decoder rests."""
     ema_decay: float = 0.0
     """Decay per step of the moving average of the weights, which is what is shipped; 0: none."""
     max_gradient_norm: float = 0.0
@@ -63,19 +65,20 @@ class ScheduleConfig:
 def make_optimiser(generator: Generator, config: OptimiserConfig) -> torch.optim.AdamW:
     """One group of parameters for each learning rate and weight decay.
 
-    Each group keeps its `factor` so that `set_learning_rate` can follow the schedule.
+    Each group keeps its `factor`, and the step `after` which it learns, for `set_learning_rate`.
     """
-    groups: dict[tuple[float, float], list[nn.Parameter]] = {}
+    groups: dict[tuple[float, float, int], list[nn.Parameter]] = {}
     for name, parameter in generator.named_parameters():
         if parameter.requires_grad:
             factor = config.encoder_lr_factor if name.startswith("encoder.") else 1.0
             decay = config.weight_decay if parameter.ndim > 1 else 0.0
-            groups.setdefault((factor, decay), []).append(parameter)
+            after = config.decoder_after if name.startswith("decoder.") else 0
+            groups.setdefault((factor, decay, after), []).append(parameter)
     device = next(generator.parameters()).device
     return torch.optim.AdamW(
         [
-            {"params": parameters, "weight_decay": decay, "factor": factor}
-            for (factor, decay), parameters in groups.items()
+            {"params": parameters, "weight_decay": decay, "factor": factor, "after": after}
+            for (factor, decay, after), parameters in groups.items()
         ],
         lr=config.learning_rate,
         betas=(config.beta1, config.beta2),
@@ -83,10 +86,10 @@ def make_optimiser(generator: Generator, config: OptimiserConfig) -> torch.optim
     )
 
 
-def set_learning_rate(optimiser: torch.optim.Optimizer, learning_rate: float) -> None:
-    """Set every group's rate to its own share of `learning_rate`."""
+def set_learning_rate(optimiser: torch.optim.Optimizer, learning_rate: float, step: int) -> None:
+    """Set every group's rate to its own share of `learning_rate`, 0 while it rests."""
     for group in optimiser.param_groups:
-        group["lr"] = learning_rate * group["factor"]
+        group["lr"] = learning_rate * group["factor"] if step >= group["after"] else 0.0
 
 
 class MovingAverage:
