@@ -1,0 +1,197 @@
+"""Which sphere is which: the mirror's picture of the light must explain the two others.
+
+Each way to give the three names is tried. The sphere taken for the mirror is read as the light, and
+a matte silver and a diffuse sphere are lit by it (equation 1) and compared with the pictures
+of the two others. Light that is clipped in the mirror may be as bright as suits best. How fine the
+detail is that a sphere shows counts too: most in the mirror, least in the diffuse one.
+"""
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from deeplight import brdf, mirror_ball
+from deeplight.camera import PinholeCamera
+from deeplight.camera_response import decode, encode
+from deeplight.capture.conic import Cone
+from deeplight.frames import looking_at, turned
+from deeplight.sphere import SPHERES, SphereView
+
+SIZE = 16  # pixels along crops and light: naming needs no more
+_FINE = 4  # samples along each of them
+_CLIPPED = 248  # grey levels from here on may stand for any brightness
+_SPREAD = 0.012  # errors of pixel values that differ by so much make a name e times as likely
+_LEVELS = (0.75, 1.35)  # how far the mirror's reflectivity may be from the paper's
+_ROUNDS = 30  # of the search for the brightness of clipped light
+
+# Natural logarithm of how much more detail one sphere shows than the next, and its spread.
+_MIRROR_TO_SILVER = (0.9, 0.45)
+_SILVER_TO_DIFFUSE = (1.8, 0.8)
+
+
+@dataclass(frozen=True)
+class Naming:
+    """The names of three spheres.
+
+    Attributes:
+        names: one of `SPHERES` for each, in the order given.
+        confidence: how likely these names are against all other ways to give them, 0 to 1.
+        error: mean absolute error of pixel values with which the mirror explains the others.
+    """
+
+    names: tuple[str, ...]
+    confidence: float
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """One sphere in some frames, as its ideal camera sees it.
+
+    Attributes:
+        radiance: linear, relative to the camera's white.
+        clipped: pixels in which something is clipped, so brighter than it looks.
+        detail: how much brightness changes from pixel to pixel.
+        view: the ideal camera.
+    """
+
+    radiance: Float[np.ndarray, "frames pixels 3"]
+    clipped: Bool[np.ndarray, "frames pixels"]
+    detail: float
+    view: SphereView
+
+
+def name_spheres(
+    cones: list[Cone], frames: list[UInt8[np.ndarray, "height width 3"]], camera: PinholeCamera
+) -> Naming:
+    """Tell three spheres apart by their materials."""
+    looks = [look_at(cone, frames, camera) for cone in cones]
+    errors = pair_errors(looks)
+    ways = list(permutations(SPHERES))
+    error, unlikely = np.empty(len(ways)), np.empty(len(ways))
+    for i, way in enumerate(ways):
+        mirror, silver, diffuse = (way.index(name) for name in SPHERES)
+        error[i] = errors[mirror, silver, "matte_silver"] + errors[mirror, diffuse, "diffuse"]
+        unlikely[i] = _odd(looks[mirror], looks[silver], _MIRROR_TO_SILVER)
+        unlikely[i] += _odd(looks[silver], looks[diffuse], _SILVER_TO_DIFFUSE)
+    total = error / _SPREAD + unlikely
+    likelihood = np.exp(total.min() - total)
+    best = int(total.argmin())
+    return Naming(ways[best], float(1 / likelihood.sum()), float(error[best] / 2))
+
+
+def _odd(one: Look, other: Look, expected: tuple[float, float]) -> float:
+    """How unusual it is for `one` to show so much more detail than `other`."""
+    ratio = np.clip(np.log(one.detail / other.detail), -3.0, expected[0])  # more is never odd
+    return float(0.5 * ((ratio - expected[0]) / expected[1]) ** 2)
+
+
+def look_at(
+    cone: Cone, frames: list[UInt8[np.ndarray, "height width 3"]], camera: PinholeCamera
+) -> Look:
+    """Cut a sphere out of frames with its ideal camera."""
+    view = SphereView(looking_at(cone.direction), cone.angular_radius_rad, SIZE)
+    u, v = mirror_ball.grid(SIZE, _FINE)
+    tangent = np.tan(cone.angular_radius_rad)
+    rays = np.stack([u * tangent, v * tangent, np.full_like(u, -1.0)], axis=-1)
+    row, column = camera.pixel_of_directions(turned(rays, view.ball_from_camera.T))
+    row, column = row.astype(np.float32), column.astype(np.float32)
+    border = cv2.BORDER_REPLICATE
+    cut = np.stack([cv2.remap(f, column, row, cv2.INTER_LINEAR, borderMode=border) for f in frames])
+    linear = decode(cut / np.float32(255))
+    shape = (len(frames), SIZE, _FINE, SIZE, _FINE, 3)
+    clipped = (cut >= _CLIPPED).reshape(shape).any(axis=(2, 4, 5)).reshape(len(frames), -1)
+    radiance = linear.reshape(shape).mean(axis=(2, 4)).reshape(len(frames), -1, 3)
+    return Look(radiance, clipped, _detail(cut), view)
+
+
+def _detail(cut: UInt8[np.ndarray, "frames n n 3"]) -> float:
+    """Mean bend of the pixel values, well inside the sphere."""
+    size = 2 * SIZE
+    within = np.hypot(*mirror_ball.grid(size)) < 0.8
+    bends = []
+    for frame in cut:
+        grey = cv2.resize(frame, (size, size), interpolation=cv2.INTER_AREA).mean(axis=2)
+        bends.append(np.abs(cv2.Laplacian(grey, cv2.CV_64F))[within].mean())
+    return float(np.median(bends)) + 0.2  # grey levels: noise, so that ratios stay finite
+
+
+def pair_errors(looks: list[Look]) -> dict[tuple[int, int, str], float]:
+    """For every (mirror, other, material) how badly the mirror's light explains the other."""
+    errors = {}
+    for mirror, other in permutations(range(len(looks)), 2):
+        # The mirror's own frame stands for the camera's here, so its crop is the light as it is.
+        turn = looks[other].view.ball_from_camera @ looks[mirror].view.ball_from_camera.T
+        seen_from = SphereView(turn, looks[other].view.angular_radius_rad, SIZE)
+        for material in SPHERES[1:]:
+            basis = _coarse_basis(material, seen_from)
+            errors[mirror, other, material] = _unexplained(looks[mirror], looks[other], basis)
+    return errors
+
+
+def _coarse_basis(material: str, view: SphereView) -> Float[np.ndarray, "pixels lights"]:
+    """A sphere under each pixel of light, coarser and much faster than `analytic_basis`."""
+    directions, inside = mirror_ball.subpixels(SIZE, 2)
+    weight = inside / np.maximum(inside.sum(axis=1, keepdims=True), 1)
+    weight = weight * mirror_ball.solid_angles(SIZE).reshape(-1, 1)
+    normals, views = (a.reshape(-1, 3) for a in (view.normals(), view.views()))
+    n_l = normals @ directions.reshape(-1, 3).T
+    if material == "diffuse":
+        each = brdf.lambertian(n_l)
+    else:
+        n_v = (normals * views).sum(axis=1, keepdims=True)
+        each = brdf.rough_specular(n_l, n_v, views @ directions.reshape(-1, 3).T)
+    basis = (each * weight.ravel()).reshape(len(normals), SIZE**2, -1).sum(axis=2)
+    white = np.maximum(basis.sum(axis=1, keepdims=True), 1e-9)
+    basis *= brdf.REFLECTIVITY[material] / white
+    basis[~view.mask().ravel()] = 0
+    return basis
+
+
+def _unexplained(mirror: Look, other: Look, basis: Float[np.ndarray, "pixels lights"]) -> float:
+    """Error with which a material in that light explains a picture, median over the frames."""
+    shown = basis.any(axis=1)
+    basis = basis[shown]
+    errors = []
+    for frame in range(len(mirror.radiance)):
+        light = mirror.radiance[frame] / brdf.REFLECTIVITY["mirror"]
+        seen, clipped = other.radiance[frame][shown], other.clipped[frame][shown]
+        made = _brightest(basis, light, mirror.clipped[frame], seen, clipped)
+        off = encode(np.minimum(made, 1.0)) - encode(seen)
+        off[clipped[:, None] & (off > 0)] = 0
+        errors.append(np.abs(off).mean())
+    return float(np.median(errors))
+
+
+def _brightest(
+    basis: Float[np.ndarray, "pixels lights"],
+    light: Float[np.ndarray, "lights 3"],
+    free: Bool[np.ndarray, "lights"],
+    seen: Float[np.ndarray, "pixels 3"],
+    clipped: Bool[np.ndarray, "pixels"],
+) -> Float[np.ndarray, "pixels 3"]:
+    """The sphere under the light that explains it best, its `free` pixels as bright as suits.
+
+    Projected gradient descent; errors count as errors of pixel values, and a sphere's own clipped
+    pixels may be brighter than they look.
+    """
+    slope = 1 / np.maximum(seen, 0.02) ** 0.55
+    known = basis @ light
+    columns = basis[:, free]
+    extra = np.zeros((columns.shape[1], 3))
+    level = 1.0
+    power = (
+        (slope**2).max() * max(float(np.linalg.norm(columns, 2)) ** 2, 1e-9) if extra.size else 1
+    )
+    for _ in range(_ROUNDS if extra.size else 3):
+        rest = columns @ extra
+        target = np.where(clipped[:, None], np.maximum(seen, level * known + rest), seen)
+        weighted = known * slope**2
+        level = float((weighted * (target - rest)).sum() / ((weighted * known).sum() + 1e-9))
+        level = float(np.clip(level, *_LEVELS))
+        off = (level * known + rest - target) * slope**2
+        extra = np.maximum(extra - columns.T @ off / power, 0)
+    return level * known + columns @ extra

@@ -1,0 +1,226 @@
+"""The outline of a sphere to a fraction of a pixel, from many frames at full size.
+
+Along spokes across the outline every kept frame gives a profile of grey values. The rig is still,
+so the step from sphere to world is at one place in all of them, whatever its height and sign are
+in each. Each spoke's place is the one at which a sharp step explains its profiles best;
+the cone is then fitted to all spokes robustly, which leaves out the stalk and the neighbours.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from deeplight.camera import PinholeCamera
+from deeplight.capture.conic import Cone, moved, pixel_scale, rays_around
+
+SPOKES = 144
+_ANGLES = np.arange(SPOKES) * (2 * np.pi / SPOKES)
+_STEP_PX = 0.5  # between samples of a profile
+_EDGE_SIGMA_PX = 0.6  # how sharp a camera draws an edge
+_NOISE = 1.0  # grey levels of noise that no model explains
+
+Profiles = Float[np.ndarray, "frames spokes samples"]
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A sphere's outline fitted to the frames.
+
+    Attributes:
+        cone: where the sphere is.
+        support: share of all spokes on whose edge the outline passes within a pixel.
+        seen: share of the outline that lies inside the picture.
+        scatter_px: spread of those edges about the outline.
+    """
+
+    cone: Cone
+    support: float
+    seen: float
+    scatter_px: float
+
+
+def refine(
+    cone: Cone,
+    frames: list[UInt8[np.ndarray, "height width"]],
+    camera: PinholeCamera,
+    near: bool = False,
+) -> Outline:
+    """The outline around `cone` in full-size frames of a clip.
+
+    `near`: it is known to lie within a few pixels, so nothing farther is looked at.
+    """
+    radius_px = cone.angular_radius_rad * pixel_scale(camera)
+    reaches = (0.20 * radius_px, 0.12 * radius_px)
+    for reach in reaches[near:]:
+        reach = max(reach, 5.0)
+        profiles, offsets, inside = profiles_across(cone, frames, camera, (-reach, reach))
+        if not inside.any():
+            return Outline(cone, 0.0, 0.0, np.inf)
+        places, cost = split_cost(profiles, offsets)
+        cone = _moved_to_best(cone, places, cost, inside, camera)
+    return _fine(cone, frames, camera, grow=True)
+
+
+def refine_place(
+    cone: Cone, frames: list[UInt8[np.ndarray, "height width"]], camera: PinholeCamera
+) -> Outline:
+    """The outline around `cone` with the angular radius it has."""
+    return _fine(cone, frames, camera, grow=False)
+
+
+def _fine(
+    cone: Cone,
+    frames: list[UInt8[np.ndarray, "height width"]],
+    camera: PinholeCamera,
+    grow: bool,
+) -> Outline:
+    reach = float(np.clip(0.15 * cone.angular_radius_rad * pixel_scale(camera), 3.0, 6.0))
+    for last in (False, False, True):
+        profiles, offsets, inside = profiles_across(cone, frames, camera, (-0.7 * reach, reach))
+        if not inside.any():
+            return Outline(cone, 0.0, 0.0, np.inf)
+        places, cost = step_cost(profiles, offsets)
+        best = places[cost.argmin(axis=1)]
+        if not last:
+            cone = _moved_to_best(cone, places, cost, inside, camera, grow)
+    hits = (np.abs(best) < 1.0) & inside
+    scatter = float(np.median(np.abs(best[hits])) * 1.48) if hits.any() else np.inf
+    return Outline(cone, float(hits.mean()), float(inside.mean()), scatter)
+
+
+def _moved_to_best(
+    cone: Cone,
+    places: np.ndarray,
+    cost: np.ndarray,
+    inside: np.ndarray,
+    camera: PinholeCamera,
+    grow: bool = True,
+) -> Cone:
+    shift, growth = best_circle(places, cost[inside], _ANGLES[inside], grow)
+    return moved(cone, shift / pixel_scale(camera), growth / pixel_scale(camera))
+
+
+def best_circle(
+    places: Float[np.ndarray, "places"],
+    cost: Float[np.ndarray, "spokes places"],
+    angles_rad: Float[np.ndarray, "spokes"],
+    grow: bool = True,
+) -> tuple[Float[np.ndarray, "2"], float]:
+    """Shift and growth, in pixels, of the circle that costs least over all spokes together.
+
+    No spoke costs more than a bound: one that sees the stalk or a neighbour gives up its say.
+    """
+    cost = cost - cost.min(axis=1, keepdims=True)
+    cost = np.minimum(cost, 1.5 * np.median(cost, axis=1, keepdims=True).mean())
+    step, reach = places[1] - places[0], places[-1]
+    columns = np.stack([np.cos(angles_rad), np.sin(angles_rad), np.ones_like(angles_rad)], axis=-1)
+    centre, spread = np.zeros(3), reach / 2
+    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 9)] * 3), axis=-1).reshape(-1, 3)
+    if not grow:
+        grid = grid[grid[:, 2] == 0]
+    while spread > 0.02:
+        tried = centre + spread * grid
+        at = (tried @ columns.T - places[0]) / step
+        low = np.clip(np.floor(at).astype(int), 0, len(places) - 2)
+        part = np.clip(at - low, 0, 1)
+        row = np.arange(len(cost))
+        total = ((1 - part) * cost[row, low] + part * cost[row, low + 1]).sum(axis=1)
+        centre, spread = tried[total.argmin()], spread * 0.4
+    return centre[:2], float(centre[2])
+
+
+def profiles_across(
+    cone: Cone,
+    frames: list[UInt8[np.ndarray, "height width"]],
+    camera: PinholeCamera,
+    reach_px: tuple[float, float],
+) -> tuple[Profiles, Float[np.ndarray, "samples"], np.ndarray]:
+    """Grey values across the outline, their places in pixels outwards, which spokes are seen."""
+    inner, outer = (round(reach / _STEP_PX) for reach in reach_px)
+    offsets = np.arange(inner, outer + 1) * _STEP_PX
+    rays = rays_around(cone, _ANGLES, offsets / pixel_scale(camera))
+    row, column = (a.astype(np.float32) for a in camera.pixel_of_directions(rays))
+    profiles = np.stack([cv2.remap(f, column, row, cv2.INTER_LINEAR) for f in frames])
+    inside = (row > 0) & (row < camera.height - 1) & (column > 0) & (column < camera.width - 1)
+    seen: np.ndarray = np.all(inside, axis=1)
+    return profiles.astype(np.float32), offsets, seen
+
+
+def split_cost(
+    profiles: Profiles, offsets: Float[np.ndarray, "samples"]
+) -> tuple[Float[np.ndarray, "places"], Float[np.ndarray, "spokes places"]]:
+    """How badly two straight lines, one each side of a place, explain the profiles; coarse.
+
+    Each side has its own spread, so a smooth ball before a busy world and a busy ball before a
+    smooth world are told alike. Logarithms are averaged over the frames: a hand in some of
+    them does not outvote the rest.
+    """
+    count, least = len(offsets), max(4, len(offsets) // 8)
+    x = offsets - offsets[0] + 1
+    y = profiles.astype(np.float64)
+    y = y - y.mean(axis=2, keepdims=True)
+    sums = [np.cumsum(v, axis=-1) for v in (np.ones_like(x), x, x * x, y, x * y, y * y)]
+    cost = []
+    for place in range(least, count - least):
+        low = [v[..., place - 1] for v in sums]
+        high = [v[..., -1] - v[..., place - 1] for v in sums]
+        left = place / count * np.log(_unexplained(low) / place + _NOISE**2)
+        right = (count - place) / count * np.log(_unexplained(high) / (count - place) + _NOISE**2)
+        cost.append((left + right).mean(axis=0))
+    places = offsets[least : count - least] - _STEP_PX / 2
+    return places, np.stack(cost, axis=1)
+
+
+def _unexplained(sums: list[np.ndarray]) -> np.ndarray:
+    """Sum of squares left by the best straight line, from sums of 1, x, xx, y, xy and yy."""
+    n, x, xx, y, xy, yy = sums
+    spread_x, shared = xx - x * x / n, xy - x * y / n
+    return np.maximum(yy - y * y / n - shared**2 / spread_x, 0)
+
+
+def step_cost(
+    profiles: Profiles, offsets: Float[np.ndarray, "samples"]
+) -> tuple[Float[np.ndarray, "places"], Float[np.ndarray, "spokes places"]]:
+    """How badly a sharp step at each place explains the profiles; fine."""
+    places, bases = _step_models(tuple(offsets))
+    frames, spokes, samples = profiles.shape
+    flat = (profiles - profiles.mean(axis=2, keepdims=True)).reshape(-1, samples)
+    energy = (flat**2).sum(axis=1)
+    cost = np.empty((spokes, len(places)), np.float32)
+    for i, basis in enumerate(bases):
+        left = np.maximum(energy - ((flat @ basis) ** 2).sum(axis=1), 0) / samples
+        cost[:, i] = np.log(left + _NOISE**2 / 4).reshape(frames, spokes).mean(axis=0)
+    return places, cost
+
+
+@lru_cache(maxsize=16)
+def _step_models(offsets: tuple[float, ...]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Places to try, and for each an orthonormal basis of the profiles with a step there.
+
+    Outside: level and slope. Inside: level, slope, and the square root that the shading of any
+    ball has at its rim, where the surface turns away. All seen through the camera's sharpness.
+    """
+    fine = 8
+    x = np.array(offsets)
+    step = x[1] - x[0]
+    dense = np.arange(x[0] - 2, x[-1] + 2 + 1e-9, step / fine)
+    kernel = np.exp(-0.5 * (np.arange(-30, 31) * step / fine / _EDGE_SIGMA_PX) ** 2)
+    kernel /= kernel.sum()
+    reach = 0.5 * min(-x[0], x[-1])
+    places = np.arange(-reach, reach + 1e-9, 0.125)
+    bases = []
+    for place in places:
+        outside, away = dense > place, dense - place
+        columns = [
+            outside * 1.0,
+            outside * away,
+            ~outside * 1.0,
+            ~outside * away,
+            np.sqrt(np.maximum(-away, 0)),
+        ]
+        seen = [np.interp(x, dense, np.convolve(c, kernel, mode="same")) for c in columns]
+        bases.append(np.linalg.qr(np.stack(seen, axis=1))[0].astype(np.float32))
+    return places, bases

@@ -1,0 +1,75 @@
+"""The mirror's size, helped by the two others: its rim shows the world right behind it.
+
+A mirror ball's rim is nearly as bright as what lies behind, and its reflections bunch up into
+rings just inside. The two other balls have clear outlines and the same size, so where the mirror's
+outline is doubtful they say how large it is seen.
+"""
+
+from itertools import permutations
+
+import numpy as np
+from jaxtyping import UInt8
+
+from deeplight.camera import PinholeCamera
+from deeplight.capture.conic import Cone
+from deeplight.capture.refine import Outline, refine_place
+
+_USUAL_LOSS = 0.006  # how much too small the mirror is found as a rule: rings, not the rim
+_OWN_SPREAD = 0.015  # of the logarithm of the size of the mirror as found by itself
+_LEAST_SPREAD = 0.003  # of the sizes of spheres that are meant to be equally far away
+_INWARD, _OUTWARD = 0.07, 0.025  # how far off the mirror's own outline may be
+_UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
+
+
+def even_sizes(
+    named: dict[str, Outline],
+    frames: list[UInt8[np.ndarray, "height width"]],
+    camera: PinholeCamera,
+) -> tuple[Outline, tuple[str, ...]]:
+    """The mirror's outline with a size between its own and the one that the others expect."""
+    own = named["mirror"].cone
+    expected, spread = expected_radius(named)
+    gap = float(np.log(expected / own.angular_radius_rad))
+    if not -_OUTWARD < gap - _USUAL_LOSS < _INWARD:
+        return named["mirror"], ("the mirror's size was found without the others' help",)
+    share = _OWN_SPREAD**2 / (_OWN_SPREAD**2 + spread**2)
+    radius = float(own.angular_radius_rad * np.exp(share * gap))
+    return refine_place(Cone(own.direction, radius), frames, camera), ()
+
+
+def expected_radius(named: dict[str, Outline]) -> tuple[float, float]:
+    """The angular radius that the two others expect of the mirror, and the spread of its logarithm.
+
+    As far away as they are; or, where they or the mirror show that distances differ, as far as it
+    is when all three stand evenly on a straight line.
+    """
+    mirror, silver, diffuse = (named[n].cone for n in ("mirror", "matte_silver", "diffuse"))
+    radii = silver.angular_radius_rad, diffuse.angular_radius_rad
+    same = float(np.sqrt(radii[0] * radii[1]))
+    differ = abs(float(np.log(radii[0] / radii[1])))
+    row = _in_a_row(mirror, silver, diffuse)
+    if row is not None:
+        # Its rings make a mirror look too small, never too large.
+        larger = np.log(mirror.angular_radius_rad / same) > 0.5 * np.log(row / same) > 0.5 * _UNEVEN
+        if differ > _UNEVEN or larger:
+            return row, float(np.hypot(_LEAST_SPREAD, 0.5 * differ))
+    return same, float(np.hypot(_LEAST_SPREAD, differ))
+
+
+def _in_a_row(mirror: Cone, silver: Cone, diffuse: Cone) -> float | None:
+    """The mirror's angular radius if the centres stand evenly on a line; None if they do not."""
+    cones = {"mirror": mirror, "matte_silver": silver, "diffuse": diffuse}
+    # Centres in units of the radius, which is one for all three.
+    at = {n: c.direction / np.sin(c.angular_radius_rad) for n, c in cones.items()}
+    for left, middle, right in permutations(cones):
+        if left > right:
+            continue
+        if middle == "mirror":
+            expected = (at[left] + at[right]) / 2
+        else:
+            other = left if right == "mirror" else right
+            expected = 2 * at[middle] - at[other]
+        along = expected / np.linalg.norm(expected)
+        if np.arccos(np.clip(along @ mirror.direction, -1, 1)) < 0.15 * mirror.angular_radius_rad:
+            return float(np.arcsin(1 / np.linalg.norm(expected)))
+    return None

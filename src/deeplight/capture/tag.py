@@ -1,0 +1,57 @@
+"""The spheres from an AprilTag on the rig's bar (section 3.1: "marker-based tracking")."""
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from deeplight.camera import PinholeCamera
+from deeplight.capture.conic import Cone, pixel_scale
+from deeplight.capture.located import TagRig
+from deeplight.frames import normalised
+
+_CAMERA_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])  # OpenCV: +Y down, +Z forward
+
+
+def tag_corners(
+    frames: list[UInt8[np.ndarray, "height width"]], tag_id: int
+) -> Float[np.ndarray, "4 2"] | None:
+    """Corners (x, y) of the tag, median over the frames that show it; None if none does.
+
+    In order: the tag's top left, top right, bottom right, bottom left.
+    """
+    settings = cv2.aruco.DetectorParameters()
+    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    detector = cv2.aruco.ArucoDetector(family, settings)
+    seen = []
+    for frame in frames:
+        corners, ids, _ = detector.detectMarkers(frame)
+        found = [] if ids is None else np.ravel(ids).tolist()
+        if tag_id in found:
+            seen.append(corners[found.index(tag_id)].reshape(4, 2))
+    return np.median(seen, axis=0).astype(float) if seen else None
+
+
+def cones_beside_tag(
+    corners: Float[np.ndarray, "4 2"], rig: TagRig, camera: PinholeCamera
+) -> dict[str, Cone] | None:
+    """Where the rig's spheres are seen, from its tag's corners; None if no pose fits."""
+    f = pixel_scale(camera)
+    matrix = np.array([[f, 0, (camera.width - 1) / 2], [0, f, (camera.height - 1) / 2], [0, 0, 1]])
+    half = rig.tag_size_m / 2
+    square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
+    ok, turn, place = cv2.solvePnP(
+        square, corners.astype(float), matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
+    )
+    if not ok:
+        return None
+    camera_from_tag = _CAMERA_FROM_OPENCV @ cv2.Rodrigues(turn)[0]
+    origin = _CAMERA_FROM_OPENCV @ place.ravel()
+    cones = {}
+    for name, centre in rig.centres_m.items():
+        at = camera_from_tag @ centre + origin
+        sine = rig.diameters_m[name] / 2 / np.linalg.norm(at)
+        if at[2] >= 0 or sine >= 0.8:
+            return None  # behind the camera, or the camera is in the sphere
+        cones[name] = Cone(normalised(at), float(np.arcsin(sine)))
+    return cones
