@@ -18,6 +18,7 @@ VERBS = {
     "simulate": "film the three spheres in HDR panoramas: a data set",
     "reflectance": "light-stage photographs of the spheres in, their reflectance bases out",
     "panoramas": "fetch CC0 panoramas from Poly Haven to film in",
+    "capture": "clips of the filmed spheres in: a data set, and a report for each clip",
     "train": "train the network on a data set",
     "convert": "light in any format and mapping, for any tool, edited on the way",
     "evaluate": "measure an estimator on a data set, beside trivial baselines",

@@ -14,7 +14,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from deeplight.dataset.example import Example
 from deeplight.dataset.manifest import (
     MANIFEST,
     VERSION,
@@ -26,7 +25,7 @@ from deeplight.dataset.manifest import (
     write_json,
 )
 from deeplight.dataset.members import JPEG_QUALITY
-from deeplight.dataset.shards import ShardIndex, index_path, write_shard
+from deeplight.dataset.shards import Item, ShardIndex, index_path, write_shard
 from deeplight.dataset.splits import SPLITS
 from deeplight.errors import DataSetError
 
@@ -69,7 +68,7 @@ class ShardPlan:
     Attributes:
         folder: where the shards and the manifest go.
         jobs: every shard of the data set.
-        rigs: `Rig.to_dict()` of each rig, by name.
+        rigs: `Rig.to_dict()` of each rig known beforehand, by name.
         recipe: all that decides the content (settings, seed, sources); plain JSON values.
     """
 
@@ -85,10 +84,12 @@ class ShardPlan:
         jobs: Iterable[ShardJob],
         rigs: Mapping[str, Mapping[str, Any]],
         recipe: Mapping[str, Any],
+        revised: bool = False,
     ) -> "ShardPlan":
         """Start a data set in `folder`, or go on with one of the very same plan.
 
         Call it once, before any shard is written: it removes what a killed run left half-made.
+        A `revised` plan takes the place of another one, which its maker has compared.
 
         Raises:
             DataSetError: the folder holds a data set of another plan.
@@ -97,7 +98,7 @@ class ShardPlan:
         path = plan.folder / PLAN
         # Through JSON and back, since a stored plan knows no tuples.
         values = json.loads(json.dumps(plan._to_dict(), allow_nan=False))
-        if path.exists() and (old := read_json(path)) != values:
+        if path.exists() and not revised and (old := read_json(path)) != values:
             changed = [name for name in values if old.get(name) != values[name]]
             raise DataSetError(
                 f"in {plan.folder} a data set of the same plan, or nothing",
@@ -132,7 +133,7 @@ class ShardPlan:
         return tuple(job for job in self.jobs if not self._is_finished(job))
 
     def write(
-        self, job: ShardJob, items: Iterable[Example | Skipped], jpeg_quality: int = JPEG_QUALITY
+        self, job: ShardJob, items: Iterable[Item], jpeg_quality: int = JPEG_QUALITY
     ) -> ShardRecord:
         """Write the shard of `job`, whole or not at all; raises what `write_shard` does."""
         path = self.folder / job.file
@@ -155,7 +156,7 @@ class ShardPlan:
         skipped = {(item.file, item.reason) for index in indices for item in index.skipped}
         manifest = Manifest(
             {split: tuple(records) for split, records in splits.items()},
-            self.rigs,
+            {**self.rigs, **{name: rig for i in indices for name, rig in i.rigs.items()}},
             tuple(Skipped(*pair) for pair in sorted(skipped)),
             self.recipe,
         )

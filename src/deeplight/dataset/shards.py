@@ -9,7 +9,7 @@ import io
 import tarfile
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,11 @@ from deeplight.dataset.manifest import (
 from deeplight.dataset.members import JPEG_QUALITY, SUFFIXES, to_members, unreadable
 from deeplight.errors import DataSetError
 from deeplight.io.atomic import replacing
+from deeplight.sphere import Rig
 
 COLUMNS = ("place", "take", "scene", "rig")
+
+Item = Example | Skipped | Rig
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,7 @@ class ShardIndex:
         columns: place, take, scene and rig of each example.
         extents: (example, suffix of `SUFFIXES`, (offset, size)) in bytes; size 0 = absent.
         skipped: sources that were left out of this shard.
+        rigs: `Rig.to_dict()` of rigs found while it was made, by name.
     """
 
     record: ShardRecord
@@ -51,6 +55,7 @@ class ShardIndex:
     columns: Mapping[str, tuple[str, ...]]
     extents: Int64[np.ndarray, "examples suffixes 2"]
     skipped: tuple[Skipped, ...]
+    rigs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
         values = {
@@ -63,6 +68,8 @@ class ShardIndex:
             "extents": self.extents.tolist(),
             "skipped": [asdict(item) for item in self.skipped],
         }
+        if self.rigs:
+            values["rigs"] = dict(self.rigs)
         write_json(path, values, indent=None)
 
     @classmethod
@@ -89,6 +96,7 @@ class ShardIndex:
             {name: tuple(values["columns"][name]) for name in COLUMNS},
             np.asarray(values["extents"], np.int64).reshape(len(keys), len(SUFFIXES), 2),
             tuple(Skipped(**item) for item in values["skipped"]),
+            dict(values.get("rigs", {})),
         )
 
 
@@ -98,12 +106,13 @@ def index_path(shard: Path) -> Path:
 
 
 def write_shard(
-    path: Path, split: str, items: Iterable[Example | Skipped], jpeg_quality: int = JPEG_QUALITY
+    path: Path, split: str, items: Iterable[Item], jpeg_quality: int = JPEG_QUALITY
 ) -> ShardIndex:
     """Write a tar of `items` to `path` and its index beside it, both whole or not at all.
 
     Args:
-        items: examples, and sources that had to be left out; read once, one held at a time.
+        items: examples, sources that had to be left out, and rigs that only the work itself
+            finds; read once, one held at a time.
         jpeg_quality: of backgrounds that come without their camera's JPEG.
 
     Raises:
@@ -117,6 +126,9 @@ def write_shard(
             for item in items:
                 if isinstance(item, Skipped):
                     tally.skipped.append(item)
+                    continue
+                if isinstance(item, Rig):
+                    tally.rigs[item.name] = item.to_dict()
                     continue
                 tally.add(item)
                 for suffix, content in to_members(item, jpeg_quality).items():
@@ -151,6 +163,7 @@ class _Tally:
         self.columns: dict[str, dict[str, str]] = {name: {} for name in COLUMNS}  # by key
         self.licences: Counter[str] = Counter()
         self.skipped: list[Skipped] = []
+        self.rigs: dict[str, Mapping[str, Any]] = {}
 
     def add(self, example: Example) -> None:
         if example.meta.split != self.split:
@@ -178,7 +191,7 @@ class _Tally:
         )
         columns = {column: tuple(values.values()) for column, values in self.columns.items()}
         return ShardIndex(
-            record, self.split, keys, columns, extents_in(tar, keys), tuple(self.skipped)
+            record, self.split, keys, columns, extents_in(tar, keys), tuple(self.skipped), self.rigs
         )
 
 

@@ -1,0 +1,200 @@
+"""One clip, from video to examples: find the rig, choose frames, cut them, tell about it.
+
+Two passes over the file, so that memory does not grow with its length: the first measures every
+frame and finds the spheres, the second converts only the frames that are kept.
+"""
+
+import re
+from collections.abc import Generator, Iterator
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+
+from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
+from deeplight.capture.catalogue import Clip
+from deeplight.capture.choice import ChoiceSettings, Chooser, causes_by_log
+from deeplight.capture.locate import locate
+from deeplight.capture.located import Located, LocateSettings, NotLocated
+from deeplight.capture.quality import QualityLog
+from deeplight.capture.reproject import crops, reprojections
+from deeplight.capture.truth import true_lighting
+from deeplight.contract import ModelContract
+from deeplight.dataset import Example, ExampleMeta
+from deeplight.dataset.splits import TRAINING_SPLITS
+from deeplight.errors import DataSetError, InputError
+from deeplight.io.video import Still, VideoFacts, facts, stills
+from deeplight.preprocess import Framing, background, frame_photo
+from deeplight.sphere import Rig
+
+Picture = UInt8[np.ndarray, "height width 3"]
+
+_UNSAFE = re.compile(r"[^A-Za-z0-9_-]")  # in keys; the clip's number keeps them apart
+_SHOWN = 12  # crops kept for the report, at least, if there are so many; at most twice
+
+
+@dataclass(frozen=True)
+class CaptureSettings:
+    """What decides every byte made of a clip.
+
+    Attributes:
+        locate: how to find the spheres.
+        choice: which frames to keep.
+        vertical_fov_rad: of the upright full frame.
+        fov_given: somebody said so; else it is the default.
+    """
+
+    locate: LocateSettings = field(default_factory=LocateSettings)
+    choice: ChoiceSettings = field(default_factory=ChoiceSettings)
+    vertical_fov_rad: float = TRAINED_VERTICAL_FOV_RAD
+    fov_given: bool = False
+
+
+@dataclass(eq=False)
+class Account:
+    """What a report tells of a clip, gathered while it is worked on.
+
+    Attributes:
+        clip, video: which, and what its header says.
+        log: a row for each frame that was read.
+        chooser: the fate of each frame.
+        located: the rig, if it was found; `rig_name` is its name in the data set.
+        shown: frame number and the three crops of a few kept frames, evenly spread.
+        warnings: what a person should look at.
+        reason: why it failed; empty if it did not.
+        overlay: the picture of what was found or seen.
+    """
+
+    clip: Clip
+    video: VideoFacts | None = None
+    log: QualityLog = field(default_factory=QualityLog)
+    chooser: Chooser | None = None
+    located: Located | None = None
+    rig_name: str = ""
+    shown: list[tuple[int, dict[str, Picture]]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    reason: str = ""
+    overlay: Picture | None = None
+
+    @property
+    def kept(self) -> int:
+        return self.chooser.kept if self.chooser and not self.reason else 0
+
+
+def capture_clip(
+    account: Account, settings: CaptureSettings, number: int
+) -> Iterator[Example | Rig]:
+    """Give the rig of a clip and then its examples, and fill in `account` on the way.
+
+    Args:
+        account: of the clip.
+        settings: how to work.
+        number: of the clip in its split; part of the examples' keys.
+
+    Raises:
+        InputError: the clip cannot be used, whenever that shows; `account.reason` says why.
+    """
+    try:
+        camera = _look_through(account, settings)
+        assert account.located is not None
+        take = f"{_UNSAFE.sub('_', account.clip.stem)[:60]}-{number:05d}"
+        rig = replace(account.located.rig, name=take)
+        account.rig_name = take
+        yield rig
+        yield from _examples(account, camera, rig)
+    except InputError as error:
+        account.reason = " ".join(str(error).split())
+        if isinstance(error, NotLocated):
+            account.overlay = error.overlay
+        raise
+
+
+def _read(path: Path) -> Generator[Still]:
+    """The clip's frames; what the system says against reading it is the clip's fault."""
+    try:
+        yield from stills(path)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, error: OSError) -> DataSetError:
+    return DataSetError("a readable clip", f"{path}: {error.strerror or error}", "correct the path")
+
+
+def _look_through(account: Account, settings: CaptureSettings) -> PinholeCamera:
+    """The first pass: measure every frame, find the spheres, decide what to leave out."""
+    path, choice = account.clip.path, settings.choice
+    try:
+        account.video = video = facts(path)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    camera = PinholeCamera(video.width, video.height, settings.vertical_fov_rad)
+    if video.width > video.height and not settings.fov_given:
+        account.warnings.append(
+            f"a landscape clip, taken to see {np.degrees(camera.vertical_fov_rad):.0f} degrees "
+            "vertically; a phone held sideways sees about 40: give --fov"
+        )
+    account.located = locate(account.log.watch(_read(path)), camera, settings.locate)
+    account.overlay = account.located.overlay
+    account.warnings += account.located.warnings
+    account.chooser = Chooser(causes_by_log(account.log, choice), choice.alike)
+    if account.kept < choice.least_kept:
+        dropped = ", ".join(f"{n} {cause}" for cause, n in account.chooser.dropped.items())
+        got = f"{account.kept} good ones of {len(account.log)} ({dropped})"
+        raise DataSetError(f"at least {choice.least_kept} good frames", got, "film it again")
+    return camera
+
+
+def _examples(account: Account, camera: PinholeCamera, rig: Rig) -> Iterator[Example]:
+    """The second pass: cut the frames that are kept."""
+    assert account.chooser is not None
+    clip, framing = account.clip, background_framing(camera)
+    cuts = reprojections(rig, camera)
+    lighting = {} if clip.split in TRAINING_SPLITS else true_lighting(clip.path)
+    step = 1
+    with closing(_read(clip.path)) as reading:
+        for count, still in enumerate(account.chooser.keep(reading)):
+            photo = still.rgb()
+            spheres = crops(photo, cuts)
+            if count % step == 0:
+                account.shown.append((still.number, spheres))
+                if len(account.shown) >= 2 * _SHOWN:
+                    account.shown, step = account.shown[::2], 2 * step
+            yield Example(
+                f"{rig.name}-{still.number:06d}",
+                background(photo, framing),
+                spheres,
+                _meta(account, still, rig),
+                lighting.get(still.number),
+            )
+
+
+def background_framing(camera: PinholeCamera) -> Framing:
+    """The network's view of a frame: the portrait one, or the landscape one of a wide frame."""
+    wide = camera.width > camera.height
+    contract = ModelContract.landscape() if wide else ModelContract()
+    fov = camera.vertical_fov_rad
+    return frame_photo(camera.height, camera.width, fov, "given", contract)
+
+
+def _meta(account: Account, still: Still, rig: Rig) -> ExampleMeta:
+    clip, log = account.clip, account.log
+    details = {
+        "time_s": round(still.time_s, 6),
+        "mean": round(log.at("mean", still.number), 5),
+        "sharpness": round(log.at("sharpness", still.number), 6),
+    }
+    return ExampleMeta(
+        place=clip.place,
+        take=rig.name,
+        frame=still.number,
+        scene=clip.scene,
+        split=clip.split,
+        rig=rig.name,
+        camera="phone",
+        licence=clip.licence,
+        source=clip.path.name,
+        details=details,
+    )
