@@ -8,11 +8,11 @@ from jaxtyping import Float, UInt8
 from deeplight.camera_response import LUMINANCE
 
 MOST_BLUR_PX = 2.5
-_BLOCK = 8
+_BLOCK = 16
 _FLAT_SHARE = 0.25  # of the blocks: those with the least structure show the noise
 _EDGE_QUANTILE = 0.99  # gradients above it are edges
 _SHARP_QUANTILE = 0.25  # of the edges' blurs: the sharper ones are in focus
-_RENDERED_BLUR_PX = 0.55  # what this measure finds in an edge averaged over pixels, unblurred
+_RENDERED_BLUR_PX = 0.62  # what this measure finds in an edge averaged over pixels, unblurred
 _REBLUR_PX = 1.0
 
 

@@ -103,11 +103,12 @@ def trace(
         seed: of the random numbers.
         progress: told (rays done, rays in all).
     """
+    near = bounds_of_solids(scene) if scene.solids else (0, 0, 0, 0)
+    if min(near[2] - near[0], near[3] - near[1]) < 1:  # nothing, or outside the photo
+        nothing = np.zeros((0, 0, 3), np.float32)
+        return Layers((0, 0, 0, 0), nothing, nothing[..., 0], nothing)
     tracer = _Tracer(mitsuba(engine), scene, light_from_below, seed)
-    near = bounds_of_solids(scene)
     wide = _around(affected(scene), near)
-    if not scene.solids or min(near[2] - near[0], near[3] - near[1]) < 1:
-        return Layers((0, 0, 0, 0), *_nothing(0, 0))
     area = (wide[2] - wide[0]) * (wide[3] - wide[1])
     coarse = Window.over(wide, max(1.0, float(np.ceil(np.sqrt(area / quality.shadow_pixels)))))
     fine = Window.over(near, 1 / FINE)
@@ -195,11 +196,6 @@ def _joined(
 def _around(a: Crop, b: Crop) -> Crop:
     """The smallest crop that holds both."""
     return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
-
-
-def _nothing(height: int, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    colour = np.zeros((height, width, 3), np.float32)
-    return colour, colour[..., 0], colour + 1
 
 
 def _quotient(above: np.ndarray, below: np.ndarray) -> np.ndarray:
