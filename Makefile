@@ -14,7 +14,7 @@ EXTRAS := capture,cluster,dev,heic,render,train
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint ci bench clean
+.PHONY: help run test lint ci bench results clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
@@ -22,6 +22,7 @@ help:
 	@echo "make lint   ruff, mypy, import rules"
 	@echo "make ci     what CI runs: lint and test"
 	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
+	@echo "make results evaluate the model on DATA and rewrite the numbers in the documents"
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.installed-base
@@ -46,6 +47,13 @@ bench: $(VENV)/.installed-test
 	@test -d $(DATA) || { echo "the rest needs a data set: make bench DATA=folder"; exit 2; }
 	$(BIN)/python benchmarks/dataset_reading.py $(DATA)
 	$(BIN)/python benchmarks/data_loading.py $(DATA)
+
+# The test places are looked at once per release: SPLITS="val seen" for everything before it.
+SPLITS ?= val test seen
+
+results: $(VENV)/.installed-test
+	$(BIN)/deeplight evaluate --data $(DATA) --split $(SPLITS) --out out/evaluation
+	$(BIN)/python benchmarks/update_results.py out/evaluation
 
 clean:
 	rm -rf $(VENV) .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
