@@ -8,8 +8,10 @@ import pytest
 
 from deeplight import brdf, latlong, resample
 from deeplight.camera import PinholeCamera
-from deeplight.camera_response import encode
+from deeplight.camera_response import decode, encode
 from deeplight.frames import looking_at, world_from_camera
+from deeplight.lighting import Lighting
+from deeplight.relight import relight_rig
 from deeplight.simulate.film.clip import Clip
 from deeplight.simulate.film.overlay import finger_in_picture, holder_in_picture, sphere_patch
 from deeplight.simulate.film.parts import Ball, Box, Rod, Thing, first_hits
@@ -21,7 +23,7 @@ from deeplight.simulate.film.scenery import Scenery, doubled
 from deeplight.simulate.film.tag import CODES_36H11, tag_cells
 from deeplight.simulate.film.world import FLOOR_M, World, build_world, noise_tile
 from deeplight.simulate.phone import Habits, develop
-from deeplight.sphere import SPHERES
+from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
 
 PLAIN = Habits(0.45, 0.0, 0.1, 1.0, 0.0, (0.0, 0.0, 0.0), 0.5, 2.2, 0.0, 0.0, 1e-12, 95)
 SMALL = FilmRecipe(size=180, seconds=0.1, vary_rig=False)
@@ -180,10 +182,6 @@ def test_mirror_shows_what_is_behind_the_camera_upright() -> None:
 
 def test_matte_spheres_are_the_relit_surroundings() -> None:
     """Against light averaged from the panorama by other code, without parallax."""
-    from deeplight.lighting import Lighting
-    from deeplight.relight import relight_rig
-    from deeplight.sphere import PAPER_RIG
-
     far = replace(world(), dome_m=1e6, floor_m=1e6)
     pose = world_from_camera(0.0, 0.5)
     ball = resample.ball_from_latlong(panorama(), 64, pose.T)
@@ -300,6 +298,7 @@ def test_holder_and_finger_cover_what_they_should() -> None:
     at = {(r, c): a for r, c, a in zip(finger.row, finger.column, finger.alpha[:, 0], strict=True)}
     assert at[(420, 95)] == 1
     assert (300, 95) not in at
+    assert not len(finger_in_picture(CAMERA, (420.0, -50.0), (430.0, -90.0), 12.0).row)
     hidden = maker().covered(finger)
     assert hidden["mirror"] > 0.2 > hidden["diffuse"] == 0.0
 
@@ -352,6 +351,20 @@ def test_landscape_turns_frame_camera_and_spheres_together() -> None:
         before = sideways.phone_camera.pixel_of_directions(sideways.rig.centres_m[name][None])
         assert column > 0.75 * sideways.camera.width  # the rig hangs at the right
         np.testing.assert_allclose((row, column), (179 - before[1][0], before[0][0]), atol=1e-6)
+    # Its crops are those of a camera that `looking_at` turns to the sphere in the upright frame.
+    for number, name in enumerate(SPHERES):
+        centre = sideways.upright_from_phone @ sideways.rig.centres_m[name]
+        distance = np.linalg.norm(centre)
+        view = SphereView(looking_at(centre), float(np.arcsin(0.04 / distance)))
+        fine = PinholeCamera(128, 128, 2 * view.angular_radius_rad)
+        row, column = sideways.camera.pixel_of_directions(fine.rays() @ view.ball_from_camera)
+        pixels = decode(shown.pixels / 255.0)
+        small = encode(resample.shrink(bilinear(pixels, row, column), 32, 32))
+        got, mask = shown.crops[number] / 255, view.mask()
+        error = np.abs(small - got)[mask].mean()
+        if name == "matte_silver":
+            assert error < 0.01 < np.abs(small - np.rot90(got))[mask].mean() / 2
+        assert error < 0.03
     # Gravity is where the upright frame says: the sky is blue at the top.
     top, foot = shown.pixels[:30].mean((0, 1)), shown.pixels[-30:, :200].mean((0, 1))
     assert top[2] > top[0]

@@ -10,6 +10,7 @@ from deeplight.camera import PinholeCamera
 from deeplight.camera_response import GAMMA
 from deeplight.frames import Rotation, rotation
 from deeplight.io.video_colour import hlg_pixels
+from deeplight.resample import turned_ball
 from deeplight.simulate.film.hand import Hand, draw_hand
 from deeplight.simulate.film.overlay import Solid, finger_in_picture
 from deeplight.simulate.film.picture import FrameMaker
@@ -42,7 +43,7 @@ class FilmFrame:
         motion_blur_px: how far the place moved meanwhile.
         dropped: the phone lost it: it is not in the file.
         covered: share of each sphere that a finger hides.
-        true_lighting: relative to white, camera frame; now and then.
+        true_lighting: at the rig, relative to white, upright camera's frame; now and then.
     """
 
     time_s: float
@@ -95,7 +96,9 @@ class Clip:
         tile = noise_tile(seed[-1])
         self._scenery = Scenery(world, self.phone_camera, looks, tile)
         self._reflections = Reflections(world, self.rig)
-        self._maker = FrameMaker(self.rig, self.phone_camera, world, self._habits)
+        self._maker = FrameMaker(
+            self.rig, self.phone_camera, world, self._habits, self.upright_from_phone
+        )
 
     @property
     def sideways(self) -> bool:
@@ -143,6 +146,8 @@ class Clip:
         lighting = None
         if number % self._recipe.truth_every == 0:
             lighting = self._reflections.lighting(place) * gain
+            if self.sideways:
+                lighting = turned_ball(lighting, self.upright_from_phone)
         return FilmFrame(
             time_s=time_s,
             pixels=self._upright(self._developed(root)),

@@ -134,7 +134,8 @@ def finger_in_picture(
     tip, root = np.array(tip_px), np.array(root_px)
     low = np.floor(np.minimum(tip, root) - radius_px - 2).astype(int)
     high = np.ceil(np.maximum(tip, root) + radius_px + 3).astype(int)
-    low, high = np.maximum(low, 0), np.minimum(high, [camera.height, camera.width])
+    low = np.maximum(low, 0)  # a finger beyond the edge covers nothing
+    high = np.maximum(low, np.minimum(high, [camera.height, camera.width]))
     row, column = (a.ravel() for a in np.mgrid[low[0] : high[0], low[1] : high[1]])
     at = np.stack([row, column], axis=-1) - root
     axis = tip - root

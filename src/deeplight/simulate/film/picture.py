@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32, Int, UInt8
 
-from deeplight import resample
+from deeplight import mirror_ball, resample
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import encode
-from deeplight.frames import Rotation, turned
+from deeplight.frames import Rotation, looking_at, turned
 from deeplight.simulate.film.overlay import Solid, holder_in_picture, sphere_patch
 from deeplight.simulate.film.reflections import CROP, Crop
 from deeplight.simulate.film.rig import FilmRig
@@ -19,6 +19,7 @@ from deeplight.sphere import CROP_SIZE, SPHERES
 
 Root = Float32[np.ndarray, "3 height width"]
 
+_IDENTITY = np.eye(3)
 _BRIGHTEST = 1.5  # times white: how far the tone curve's table goes, so that noise clips last
 _TABLE = 4096
 _MIDDLE = 0.2  # radiance at which the noise is exact; a tenth off in the dark
@@ -33,11 +34,21 @@ class FrameMaker:
     interpolate as eyes see, and index the tone curve's table finely in the dark.
     """
 
-    def __init__(self, rig: FilmRig, camera: PinholeCamera, world: World, habits: Habits) -> None:
+    def __init__(
+        self,
+        rig: FilmRig,
+        camera: PinholeCamera,
+        world: World,
+        habits: Habits,
+        upright_from_phone: Rotation = _IDENTITY,
+    ) -> None:
         self._world, self._habits = world, habits
         self._holder = holder_in_picture(rig, camera)
         self._patches = {name: sphere_patch(rig, name, camera) for name in SPHERES}
         self._alpha = {name: rig.view(name, CROP).alpha()[..., None] for name in SPHERES}
+        self._turned = {
+            name: _upright_crop(rig.centres_m[name], upright_from_phone) for name in SPHERES
+        }
         self._lens = _lens(camera.height, camera.width, habits)
         self._half_lens = _lens(-(-camera.height // 2), -(-camera.width // 2), habits)
         self._shape = camera.height, camera.width
@@ -78,6 +89,7 @@ class FrameMaker:
     ) -> UInt8[np.ndarray, "3 size size 3"]:
         """The spheres as ideal cameras see them, in the order of `SPHERES`, without noise.
 
+        Each in the frame that `looking_at` gives its direction in the upright picture's camera.
         Clipped at white as the frame is, then averaged in linear light, then encoded. Beside the
         sphere and where a finger covers it the crop shows the frame.
         """
@@ -92,6 +104,7 @@ class FrameMaker:
             share = self._alpha[name] * (1 - covered[at][..., None])
             behind = frame[(slice(None), *at)].transpose(1, 2, 0) ** 2
             whole = np.clip(sphere * share + behind * (1 - share), 0, 1)
+            whole = whole.reshape(-1, 3)[self._turned[name]].reshape(whole.shape)
             small = resample.shrink(whole, CROP_SIZE, CROP_SIZE)
             result.append(np.round(_through(self.curve, np.sqrt(small))).astype(np.uint8))
         return np.stack(result)
@@ -173,6 +186,20 @@ def _noise(
         length = min(_STRETCH, count - start)
         first = int(rng.integers(_NOISE_BANK - length + 1))
         yield slice(start, start + length), bank[first : first + length]
+
+
+def _upright_crop(
+    centre_m: Float[np.ndarray, "3"], upright_from_phone: Rotation
+) -> Int[np.ndarray, "pixels"]:
+    """For each pixel of the crop in the upright camera's frame the pixel in the phone's."""
+    upright = looking_at(upright_from_phone @ centre_m) @ upright_from_phone
+    phone_from_upright = looking_at(centre_m) @ upright.T  # a turn about the view axis
+    u, v = mirror_ball.grid(CROP)
+    right, up = (phone_from_upright[n, 0] * u + phone_from_upright[n, 1] * v for n in (0, 1))
+    column = np.clip((right + 1) * (CROP / 2), 0, CROP - 1).astype(int)
+    row = np.clip((1 - up) * (CROP / 2), 0, CROP - 1).astype(int)
+    index: np.ndarray = (row * CROP + column).ravel()
+    return index
 
 
 def _lens(height: int, width: int, habits: Habits) -> Float32[np.ndarray, "height width"]:

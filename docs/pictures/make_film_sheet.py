@@ -1,0 +1,43 @@
+"""Draw docs/pictures/films.jpg: python docs/pictures/make_film_sheet.py FOLDER_OF_FILMS.
+
+The middle frame of each clip of a folder that `deeplight simulate --video` made, with its
+trouble's name. The shipped one shows CC0 panoramas (Poly Haven).
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from deeplight.dataset.contact_sheet import column, grid, label
+from deeplight.io.atomic import replacing
+from deeplight.io.image import encode_jpeg
+from deeplight.io.video import stills
+
+HEIGHT, COLUMNS, MOST = 240, 9, 27
+
+
+def tile(clip: Path) -> np.ndarray:
+    truth = json.loads(clip.with_suffix(".truth.json").read_text())
+    shown = sum(not frame["dropped"] for frame in truth["frames"])
+    still = next(still for still in stills(clip) if still.number == shown // 2)
+    picture = Image.fromarray(np.ascontiguousarray(still.rgb()))
+    picture.thumbnail((HEIGHT * 9 // 16, HEIGHT))
+    framed = np.full((HEIGHT, HEIGHT * 9 // 16, 3), 30, np.uint8)
+    framed[: picture.height, : picture.width] = picture
+    return column([framed, label(", ".join(truth["trouble"]) or truth["scene"], framed.shape[1])])
+
+
+def main() -> None:
+    clips = sorted(Path(sys.argv[1]).glob("clips/*.truth.json"))[:MOST]
+    tiles = [tile(path.with_name(path.name.replace(".truth.json", ".mp4"))) for path in clips]
+    out = Path(__file__).with_name("films.jpg")
+    with replacing(out) as temporary:
+        temporary.write_bytes(encode_jpeg(grid(tiles, COLUMNS), quality=72))
+    sys.stdout.write(f"{out}: {out.stat().st_size // 1000} kB\n")
+
+
+if __name__ == "__main__":
+    main()
