@@ -85,7 +85,8 @@ def text(content: str, name: str, folder: Path) -> str:
     return str(folder / name)
 
 
-PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+PLY = "ply\nformat ascii 1.0\nelement vertex 3\n"
+PLY += "".join(f"property float {axis}\n" for axis in "xyz")
 BROKEN = {
     "empty.obj": "",
     "words.ply": "this is no mesh\n",
