@@ -100,7 +100,6 @@ def main(hdri: str, work: str | None = None) -> None:
         row("three passes", measure(folder, MeasureSettings(passes=3)), None, lights)
         far = changed(folder, scratch / "far", distance_m=None)
         row("lights taken as far away", measure(far, twice), None, lights)
-        row("the same, one pass", measure(far, paper), None, lights)
         uncalibrated = changed(folder, scratch / "uncalibrated", calibrated=False)
         row("scale from the mirror ball", measure(uncalibrated, twice), None, lights)
         found = MeasureSettings(directions_from_mirror=True)

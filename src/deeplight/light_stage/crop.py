@@ -11,7 +11,7 @@ from deeplight.camera import PinholeCamera
 from deeplight.frames import turned
 from deeplight.light_stage.outline import Outline
 
-_EDGE_PX = 1.0  # the outermost pixel mixes in what is behind the sphere
+_EDGE_PX = 1.5  # the lens mixes what is behind the sphere into its edge
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,8 +71,7 @@ def _window(
 ) -> tuple[slice, slice] | None:
     """About the brightest pixel on the sphere; None if it is noise."""
     height, width = grey.shape
-    towards = -view.ball_from_camera[2]
-    row, column = (float(v) for v in camera.pixel_of_directions(towards))
+    (row,), (column,) = camera.pixel_of_directions(-view.ball_from_camera[2:])
     y, x = np.ogrid[:height, :width]
     on_sphere = (x - column) ** 2 + (y - row) ** 2 <= (radius_px + 1) ** 2
     lit = np.where(on_sphere, grey, -np.inf)

@@ -67,12 +67,12 @@ def basis_weights(
     directions, inside = mirror_ball.subpixels(light_size, SUPERSAMPLE)
     share = inside / np.maximum(inside.sum(axis=1, keepdims=True), 1)
     solid_angle = share * mirror_ball.solid_angles(light_size).reshape(-1, 1)
-    flat = directions.reshape(-1, 3)
+    flat = directions.reshape(-1, 3).astype(np.float32)
     weights = np.zeros((len(photographs), light_size**2))
     taps = _taps(flat, fine)
     for pixel in np.flatnonzero(photographs.any(axis=1)):
         if parallax is not None:
-            taps = _taps(_seen_from_centre(flat, parallax[pixel]), fine)
+            taps = _taps(_seen_from_centre(flat, parallax[pixel].astype(np.float32)), fine)
         values = sum(response[pixel, index] * weight for index, weight in taps)
         weights[pixel] = (values.reshape(solid_angle.shape) * solid_angle).sum(axis=1)
     return _without_negatives(weights)

@@ -235,7 +235,7 @@ def _exposure(scene: Scene, points: Points, name: str, lights: StageLights) -> f
 
 
 def _truth(stage: LightStage, scene: Scene) -> dict[str, dict[str, object]]:
-    row, column = scene.camera.pixel_of_directions(-scene.view.ball_from_camera[2])
+    (row,), (column,) = scene.camera.pixel_of_directions(-scene.view.ball_from_camera[2:])
     sphere = {
         "direction": (-scene.view.ball_from_camera[2]).tolist(),
         "angular_radius_rad": scene.view.angular_radius_rad,
