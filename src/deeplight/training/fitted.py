@@ -21,8 +21,8 @@ from deeplight.training.generator import START_RADIANCE
 from deeplight.training.losses import LossConfig, RigBases, reconstruction_terms
 
 STEPS = 200
-LEARNING_RATE = 0.05
-SMOOTHNESS = 0.02
+LEARNING_RATE = 0.15
+SMOOTHNESS = 0.005
 """Weight of the mean squared difference of neighbouring pixels of ln radiance (our choice): where
 the spheres leave the light open, as where the mirror is clipped, it stays smooth."""
 CHUNK = 256
