@@ -9,10 +9,17 @@ from deeplight.camera_response import CameraResponse
 from deeplight.cli.main import main
 from deeplight.io.hdr import read_hdr, write_exr
 from deeplight.io.image import read_photo, write_png
+from deeplight.render.trace import Quality
 
 pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
 
 SHORT = ["--engine", "scalar", "--pitch", "-30", "--fov", "50"]
+
+
+@pytest.fixture(autouse=True)
+def few_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures this small need few."""
+    monkeypatch.setattr("deeplight.cli.compose_run.PREVIEW", Quality(8, 8, 400))
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from jaxtyping import Float, UInt8
 from deeplight.errors import ConfigError
 from deeplight.render.composite import Composite, composite, radiance_of
 from deeplight.render.ground import Viewpoint
-from deeplight.render.look import NO_LOOK, look_of
+from deeplight.render.look import NO_LOOK, Look, look_of
 from deeplight.render.materials import MATERIALS
 from deeplight.render.mesh import BUILT_IN, load, standing
 from deeplight.render.scene import Colour, Scene, Solid, irradiance_on_plane
@@ -112,38 +112,62 @@ def compose(
     if not items or (viewpoint.camera.width, viewpoint.camera.height) != (width, height):
         got = f"{len(items)} objects, a camera of {viewpoint.camera.width} pixels across"
         raise ConfigError(f"an object and a camera of {width} x {height}", got, "correct them")
+    solids, notes = placed(viewpoint, items, kept_rows)
+    albedo, measured = plane_albedo(photo, light, viewpoint, solids)
+    if not np.allclose(albedo, measured, rtol=0.02):
+        share = ", ".join(f"{100 * a:.0f}" for a in measured)
+        limits = f"{100 * ALBEDO_LIMITS[0]:.0f} to {100 * ALBEDO_LIMITS[1]:.0f} %"
+        notes.append(f"the surface would reflect {share} % of the light; limited to {limits}")
+    scene = Scene(viewpoint, light, solids, albedo)
+    picture = rendered(photo, scene, matched(photo, settings), settings, progress)
+    return Composed(picture, scene, tuple(notes))
+
+
+def placed(
+    viewpoint: Viewpoint, items: Sequence[Item], kept_rows: float | None = None
+) -> tuple[list[Solid], list[str]]:
+    """Load the objects and stand them on the plane; also tell size and distance of each.
+
+    Raises:
+        InputError: an item, a mesh or a place that cannot be used.
+        OSError: a mesh file cannot be read.
+    """
+    camera = viewpoint.camera
     solids, notes = [], []
-    low = min(kept_rows or height, height) * DEFAULT_ROW
+    low = min(kept_rows or camera.height, camera.height) * DEFAULT_ROW
     for number, item in enumerate(items):
-        at = item.at or (width * (number + 1) / (len(items) + 1), low)
-        point = viewpoint.point(*at)
+        x, y = item.at or (camera.width * (number + 1) / (len(items) + 1), low)
+        point = viewpoint.point(x, y)
         size = item.size_m or _default_size(viewpoint, point)
         meshes = standing(load(item.object, item.up), point, size, radians(item.turn_deg))
         solids.append(Solid(meshes, item.material or _own_material(item)))
-        distance = float(np.linalg.norm(point - [0, viewpoint.height_m, 0]))
-        notes.append(
-            f"{item.object}: {size:.3g} m at ({at[0]:.0f}, {at[1]:.0f}), {distance:.3g} m away"
-        )
-    albedo, wanted = plane_albedo(photo, light, viewpoint, solids)
-    if not np.allclose(albedo, wanted, rtol=0.02):
-        text = ", ".join(f"{100 * a:.0f}" for a in wanted)
-        notes.append(
-            f"the surface would reflect {text} % of the estimated light; limited to 3-90 %"
-        )
-    scene = Scene(viewpoint, light, solids, albedo)
-    layers = trace(
-        scene,
-        settings.quality,
-        settings.engine,
-        settings.light_from_below,
-        settings.seed,
-        progress,
+        away = float(np.linalg.norm(point - [0, viewpoint.height_m, 0]))
+        notes.append(f"{item.object}: {size:.3g} m at ({x:.0f}, {y:.0f}), {away:.3g} m away")
+    return solids, notes
+
+
+def matched(photo: UInt8[np.ndarray, "height width 3"], settings: Settings) -> Look:
+    """Measure the part of the photo's look that the settings ask for."""
+    if not (settings.blur or settings.grain):
+        return NO_LOOK
+    look = look_of(photo)
+    return Look(
+        look.blur_px if settings.blur else NO_LOOK.blur_px,
+        look.grain if settings.grain else NO_LOOK.grain,
     )
-    look = look_of(photo) if settings.blur or settings.grain else NO_LOOK
-    look = type(look)(
-        look.blur_px if settings.blur else 0.0, look.grain if settings.grain else NO_LOOK.grain
-    )
-    return Composed(composite(photo, layers, look, seed=settings.seed), scene, tuple(notes))
+
+
+def rendered(
+    photo: UInt8[np.ndarray, "height width 3"],
+    scene: Scene,
+    look: Look,
+    settings: Settings,
+    progress: Progress = lambda done, total: None,
+) -> Composite:
+    """Render a scene into its photo."""
+    below, seed = settings.light_from_below, settings.seed
+    layers = trace(scene, settings.quality, settings.engine, below, seed, progress)
+    return composite(photo, layers, look, seed=seed)
 
 
 def plane_albedo(

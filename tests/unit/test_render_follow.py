@@ -1,0 +1,104 @@
+"""Objects that stay in place in videos."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeplight import latlong, resample
+from deeplight.camera import PinholeCamera
+from deeplight.frames import turned
+from deeplight.lighting import Lighting
+from deeplight.render.follow import Follower, smoothed, turned_to
+from deeplight.render.ground import Viewpoint
+from deeplight.render.look import blurred
+from deeplight.render.trace import Quality
+
+VIEW = Viewpoint(PinholeCamera(160, 240, np.radians(60)), 1.4, np.radians(-25), np.radians(5))
+
+
+def panorama() -> np.ndarray:
+    """Something to see everywhere."""
+    noise = np.random.default_rng(0).random((180, 360, 1)).astype(np.float32)
+    return blurred(noise, 1.5) * 400
+
+
+def seen(everything: np.ndarray, view: Viewpoint) -> np.ndarray:
+    rays = turned(view.camera.rays(), view.world_from_camera)
+    return resample.sample_latlong(everything, rays.astype(np.float32))[..., 0]
+
+
+@pytest.mark.parametrize("frames", [12])
+def test_the_place_is_followed_as_the_camera_turns(frames: int) -> None:
+    everything, point = panorama(), VIEW.point(80, 170)
+    follower, errors, moved = None, [], 0.0
+    for i in range(frames):
+        yaw, pitch = 0.025 * i, VIEW.pitch_rad + 0.012 * i
+        now = replace(VIEW, yaw_rad=yaw, pitch_rad=pitch)
+        true = VIEW.pixels(point[None])[0] if i == 0 else now.pixels(point[None])[0]
+        picture = seen(everything, now)
+        follower = follower or Follower(picture, *true)
+        found = follower.update(picture)
+        errors.append(np.abs(np.array(found) - true).max())
+        moved = max(moved, float(np.abs(true - [80, 170]).max()))
+    assert moved > 30  # so standing still would be found out
+    assert max(errors) < 4
+
+
+@pytest.mark.parametrize(("x", "y"), [(80, 170), (60, 150), (110, 200)])
+def test_the_turned_camera_sees_the_point_where_it_should(x: float, y: float) -> None:
+    point = VIEW.point(80, 170)
+    now = turned_to(VIEW, point, x, y)
+    assert now.pixels(point[None])[0] == pytest.approx((x, y), abs=1e-6)
+    assert abs(now.pitch_rad - VIEW.pitch_rad) < 0.4
+    assert abs(now.yaw_rad) < 0.4
+    assert now.roll_rad == VIEW.roll_rad
+
+
+def world_light(view: Viewpoint) -> Lighting:
+    directions = turned(latlong.directions(64, 128), view.world_from_camera)
+    sky = np.exp(2 * directions[..., 1:2] + directions[..., :1]) * np.ones(3)
+    return Lighting.from_latlong(sky.astype(np.float32))
+
+
+def test_light_that_stands_still_stays_itself_when_the_camera_turns() -> None:
+    now = replace(VIEW, yaw_rad=0.6)
+    whole = smoothed(world_light(VIEW), VIEW, world_light(now), now, share=0.0)
+    true, inside = world_light(now).radiance, world_light(now).radiance > 0
+    assert np.abs(np.log(whole.radiance[inside] / true[inside])).mean() < 0.03
+    unturned = world_light(VIEW).radiance  # the twin
+    assert np.abs(np.log(unturned[inside] / true[inside])).mean() > 0.1
+
+
+def test_smoothing_takes_a_share_of_what_is_new() -> None:
+    dark, bright = (Lighting(np.full((32, 32, 3), v, np.float32)) for v in (1.0, np.e))
+    mixed = smoothed(dark, VIEW, bright, VIEW, share=0.25).radiance
+    assert np.log(mixed[16, 16]) == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_video_gives_a_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("av")
+    pytest.importorskip("mitsuba")
+    from deeplight.cli.main import main
+    from deeplight.io.video import stills
+    from deeplight.io.video_writer import VideoWriter
+
+    tiny = Quality(samples=4, shadow_samples=4, shadow_pixels=300)
+    monkeypatch.setattr("deeplight.cli.compose_video.FRAME", tiny)
+    everything = panorama()
+    with VideoWriter(tmp_path / "in.mp4", 64, 96, 10.0) as writer:
+        for i in range(3):
+            view = Viewpoint(PinholeCamera(64, 96, np.radians(60)), yaw_rad=0.02 * i)
+            grey = seen(everything, view).clip(0, 255).astype(np.uint8)
+            writer.write(np.repeat(grey[..., None], 3, -1))
+    words = ["--object", "sphere", "--engine", "scalar", "--pitch", "-20", "--at", "32", "70"]
+    out = tmp_path / "out.mp4"
+    assert main(["compose", str(tmp_path / "in.mp4"), "--out", str(out), *words]) == 0
+    before, after = (
+        [still.rgb().astype(int) for still in stills(path)] for path in (tmp_path / "in.mp4", out)
+    )
+    assert len(after) == 3
+    for one, other in zip(before, after, strict=True):
+        changed = np.abs(one - other).mean(-1)
+        assert changed[55:70, 26:38].mean() > 3 * changed[:30].mean() + 5
