@@ -25,7 +25,7 @@ from deeplight.light_stage.measure import Measured, MeasureSettings, measure
 from deeplight.lighting import Lighting
 from deeplight.reflectance import ReflectanceBasis, analytic_basis
 from deeplight.relight import relight
-from deeplight.simulate.light_stage import LightStage, write_light_stage
+from deeplight.simulate.light_stage import LightStage, lights_of, write_light_stage
 from deeplight.simulate.panorama import load, places_in
 from deeplight.sphere import PAPER_RIG, SphereView
 
@@ -70,6 +70,19 @@ def row(name: str, measured: Measured, view: SphereView | None, lights: list[Lig
         cells.append(f"{furnace.mean():.4f} ({furnace.min():.4f} to {furnace.max():.4f})")
         cells.append(f"{np.mean(errors):.4f} (worst {np.max(errors):.4f})")
     print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def direction_errors(folder: Path) -> str:
+    """How far from the truth the lights are that the mirror ball shows."""
+    found = measure(folder, MeasureSettings(directions_from_mirror=True)).directions
+    true = lights_of(LightStage()).directions
+    off = np.degrees(np.arccos(np.clip((found * true).sum(axis=1), -1, 1)))
+    front = true[:, 2] > np.cos(np.radians(140))
+    return (
+        f"directions: {front.sum()} lights up to 140 degrees from the camera's side: median "
+        f"{np.median(off[front]):.3f}, worst {off[front].max():.3f} degrees; {(~front).sum()} "
+        f"behind: median {np.median(off[~front]):.2f}, worst {off[~front].max():.2f}"
+    )
 
 
 def changed(folder: Path, into: Path, drop_dark: bool = False, **lights: object) -> Path:
@@ -118,6 +131,7 @@ def main(hdri: str, work: str | None = None) -> None:
         half = scratch / "half"
         write_light_stage(half, LightStage(("matte_silver", "diffuse"), lowest_deg=-30))
         row("no lights 30 degrees below the level", measure(half, twice), None, lights)
+        print("\n" + direction_errors(folder))
 
 
 if __name__ == "__main__":
