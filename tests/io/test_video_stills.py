@@ -186,3 +186,16 @@ def break_off(path: Path) -> None:
     with VideoWriter(path, 64, 96, 30) as video:
         video.write(np.zeros((96, 64, 3), np.uint8))
         raise RuntimeError
+
+
+def test_greys_come_back_to_the_level(tmp_path: Path) -> None:
+    levels = np.arange(8, 248, 16, dtype=np.uint8)
+    wedge = np.zeros((96, 16 * len(levels), 3), np.uint8)
+    wedge[:] = levels.repeat(16)[None, :, None]
+    with VideoWriter(tmp_path / "a.mp4", wedge.shape[1], 96, 30, quality=2) as video:
+        video.write(wedge)
+    still = next(stills(tmp_path / "a.mp4"))
+    for got in (*still.rgb()[48, 8::16].T, still.luma[48, 8::16]):
+        errors = got.astype(int) - levels
+        assert np.abs(errors).max() <= 1
+        assert abs(errors.mean()) < 0.3

@@ -26,6 +26,8 @@ HDR_TRANSFERS = {16: "PQ", 18: "HLG"}  # FFmpeg's AVCOL_TRC numbers
 TRANSFERS = {1: "BT.709", 6: "BT.601", 13: "sRGB", **HDR_TRANSFERS}
 FULL_RANGE = 2  # FFmpeg's AVCOL_RANGE numbers
 
+# FFmpeg's SWS_BILINEAR, _ACCURATE_RND and _FULL_CHR_H_INT: its faster ways are up to 2 levels dark.
+_EXACT = 2 | 0x40000 | 0x2000
 _TIMED_PACKETS = 900  # how far `facts` looks for an uneven frame rate
 # Bits of a luma sample and how far up in its 16 they lie, by the pixel format's name.
 _PLANAR = {f"yuv{j}{s}p": (8, 0) for j in ("", "j") for s in ("420", "422", "444")}
@@ -227,7 +229,7 @@ def _pixels(frame: "av.VideoFrame") -> UInt8[np.ndarray, "height width 3"]:
     if transfer:
         signal = frame.reformat(format="rgb48le", src_colorspace=matrix).to_ndarray()
         return video_colour.sdr_pixels(signal, transfer)
-    return frame.reformat(format="rgb24", src_colorspace=matrix).to_ndarray()
+    return frame.reformat(format="rgb24", src_colorspace=matrix, interpolation=_EXACT).to_ndarray()
 
 
 def _luma(frame: "av.VideoFrame") -> UInt8[np.ndarray, "height width"]:
