@@ -16,6 +16,7 @@ CAUSES = ("duplicated", "badly_exposed", "exposure_jump", "blurred", "near_dupli
 KEEP = ""
 
 _FROZEN = 0.12  # grey levels: a camera that films gives more, by its noise alone
+_FROZEN_SHARE = 0.05  # of the clip's median change: a repeated picture, coded once more
 _ALIKE_SIDE = 48  # pixels of the shorter side where two views are compared
 _NEIGHBOURS = 31  # frames among which a blurred one stands out
 
@@ -63,7 +64,7 @@ def causes_by_log(log: QualityLog, how: ChoiceSettings) -> list[str]:
         ("blurred", blurred),
         ("exposure_jump", _jumps(log.column("mean"), how.jump_stops)),
         ("badly_exposed", exposed_badly),
-        ("duplicated", log.column("change") < _FROZEN),
+        ("duplicated", _frozen(log.column("change"))),
     ):
         causes[found] = cause
     return list(causes)
@@ -113,6 +114,11 @@ def _difference(
     one: Float[np.ndarray, "height width"], other: Float[np.ndarray, "height width"]
 ) -> float:
     return float(cv2.absdiff(np.ascontiguousarray(one), np.ascontiguousarray(other)).mean())
+
+
+def _frozen(change: Float[np.ndarray, " frames"]) -> Bool[np.ndarray, " frames"]:
+    typical = float(np.median(change[1:])) if len(change) > 1 else 0.0
+    return change < max(_FROZEN, _FROZEN_SHARE * typical)
 
 
 def _jumps(mean: Float[np.ndarray, " frames"], stops: float) -> Bool[np.ndarray, " frames"]:

@@ -105,7 +105,8 @@ def capture_clip(
         yield rig
         yield from _examples(account, camera, rig)
     except InputError as error:
-        account.reason = " ".join(str(error).split())
+        told = " ".join(str(error).split())
+        account.reason = told.replace(str(account.clip.path), account.clip.path.name)
         if isinstance(error, NotLocated):
             account.overlay = error.overlay
         raise

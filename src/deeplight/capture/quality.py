@@ -18,7 +18,7 @@ MEASURED_SIDE = 270  # pixels of the shorter side where a frame is measured
 COLUMNS = ("time_s", "mean", "black", "clipped", "sharpness", "change")
 _BLACK, _WHITE = 6, 249  # grey levels from which on a pixel counts as lost
 
-Grey = UInt8[np.ndarray, "height width"]
+Grey = UInt8[np.ndarray, "_ _"]  # any height and width
 
 
 class QualityLog:
@@ -55,9 +55,9 @@ class QualityLog:
 
 
 def measured(luma: Grey, side: int = MEASURED_SIDE) -> Grey:
-    """Give the background's grey as an area average whose shorter side is `side`."""
+    """Give the background's grey as an area average whose shorter side is at most `side`."""
     rows = luma[: round(len(luma) * BACKGROUND_FRACTION)]
-    scale = side / min(luma.shape)
+    scale = min(1.0, side / min(luma.shape))
     size = max(8, round(rows.shape[1] * scale)), max(8, round(rows.shape[0] * scale))
     return _shrunk(rows, size)
 
