@@ -16,7 +16,7 @@ from PIL import Image
 
 from deeplight import brdf, cube, latlong
 from deeplight.export.environment import Environment
-from deeplight.export.orientation import faces_for
+from deeplight.export.orientation import GLTF_SIGN, gltf_faces
 from deeplight.frames import looking_at
 from deeplight.harmonics import irradiance_coefficients, project
 from deeplight.probe import cube_from_latlong, resized
@@ -34,18 +34,46 @@ Faces = Float[np.ndarray, "6 size size 3"]
 
 def gltf(environment: Environment) -> dict[str, Any]:
     """Give the glTF document, its pictures inside as data URIs."""
+    uris = [f"data:image/png;base64,{base64.b64encode(p).decode()}" for p in _pictures(environment)]
+    return _document(environment) | {"images": [{"uri": uri} for uri in uris]}
+
+
+def glb(environment: Environment) -> bytes:
+    """Give the same as binary glTF, the pictures behind the document."""
+    document, views, binary = _document(environment), [], b""
+    for picture in _pictures(environment):
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(picture)})
+        binary += picture + b"\0" * (-len(picture) % 4)
+    document["images"] = [{"bufferView": i, "mimeType": "image/png"} for i in range(len(views))]
+    document["bufferViews"], document["buffers"] = views, [{"byteLength": len(binary)}]
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _pictures(environment: Environment) -> list[bytes]:
+    """PNG of each face of each mip."""
+    mips = specular_mips(environment.remainder)
+    return [_png(rgbd(face)) for faces in mips for face in gltf_faces(faces)]
+
+
+def _document(environment: Environment) -> dict[str, Any]:
+    """Everything but the pictures."""
     light = environment.main_light
     strength = float(light.irradiance.max())
-    pictures = [
-        f"data:image/png;base64,{base64.b64encode(_png(rgbd(face))).decode()}"
-        for faces in specular_mips(environment.remainder)
-        for face in faces_for(faces, "webxr")
-    ]
+    harmonics = irradiance_coefficients(project(light.remainder))
     image_light = {
         "name": "everything but the main light",
         "intensity": 1.0,
         "rotation": [0.0, 0.0, 0.0, 1.0],
-        "irradianceCoefficients": irradiance_coefficients(project(light.remainder)).tolist(),
+        "irradianceCoefficients": (harmonics * GLTF_SIGN[:, None]).tolist(),
+        "extras": {
+            "irradianceCoefficients": "as Babylon.js 9 reads them: 1, 4 and 5 negated",
+            "irradianceCoefficientsAllPositive": harmonics.tolist(),
+            "order": "00 1-1 10 11 2-2 2-1 20 21 22 in glTF's axes (Ramamoorthi and Hanrahan)",
+        },
         "specularImageSize": FACE_SIZE,
         "specularImages": [[6 * mip + face for face in range(6)] for mip in range(MIPS)],
     }
@@ -62,7 +90,6 @@ def gltf(environment: Environment) -> dict[str, Any]:
             "KHR_lights_punctual": {"lights": [punctual]},
             "EXT_lights_image_based": {"lights": [image_light]},
         },
-        "images": [{"uri": uri} for uri in pictures],
         "nodes": [
             {
                 "name": "main light",
@@ -73,14 +100,6 @@ def gltf(environment: Environment) -> dict[str, Any]:
         "scenes": [{"nodes": [0], "extensions": {"EXT_lights_image_based": {"light": 0}}}],
         "scene": 0,
     }
-
-
-def glb(environment: Environment) -> bytes:
-    """Give the same document as binary glTF."""
-    text = json.dumps(gltf(environment), separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    header = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text))
-    return header + struct.pack("<I4s", len(text), b"JSON") + text
 
 
 def specular_mips(radiance: Float[np.ndarray, "height width 3"]) -> list[Faces]:

@@ -41,7 +41,7 @@ def _face(name: str, size: int) -> Float[np.ndarray, "size size 3"]:
     text, colour = LABELS[name]
     ink = Image.new("L", (size, size), 0)
     draw = ImageDraw.Draw(ink)
-    font = ImageFont.load_default(size / (0.9 * len(text) + 0.5))
+    font = ImageFont.load_default(size / max(5.0, 0.9 * len(text) + 0.5))
     draw.text((size / 2, size * 0.72), f"{text}\n{name.upper()}", 255, font, "mm", align="center")
     draw.polygon([(size * x, size * y) for x, y in ((0.5, 0.08), (0.58, 0.2), (0.42, 0.2))], 255)
     amount = np.asarray(ink, np.float32)[..., None] / 255

@@ -138,6 +138,19 @@ CUBE_TOOLS = {
 }
 """The tools that take six faces, and how they want them."""
 
+GLTF_SIGN = np.array([1, -1, 1, 1, -1, -1, 1, 1, 1], np.float32)
+"""How EXT_lights_image_based is read, since its text leaves it open: Babylon.js 9, measured.
+
+Its harmonics are our all-positive ones with 1, 4 and 5 negated.
+"""
+
+
+def gltf_faces(
+    faces: Float32[np.ndarray, "6 size size 3"],
+) -> Float32[np.ndarray, "6 size size 3"]:
+    """Turn our six faces into those of EXT_lights_image_based: three.js's, upside down each."""
+    return faces_for(faces, "three")[:, ::-1]
+
 
 def faces_for(
     faces: Float32[np.ndarray, "6 size size 3"], tool: str | None
