@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from deeplight.errors import ConfigError
+from deeplight.render.denoise import ENOUGH_PASSES, denoised, smooth_sums
 from deeplight.render.engine import mitsuba
 from deeplight.render.scene import (
     MOST_BOUNCES,
@@ -31,6 +32,7 @@ from deeplight.render.scene import (
 
 FINE = 2  # grid pixels along a photo's pixel, around the objects
 PLANE = "plane"
+AOVS = "shape:shape_index,albedo:albedo,normal:sh_normal"
 BORDER = 0.12  # part of a grid over which its shadow gives way to the next
 Progress = Callable[[int, int], None]
 
@@ -119,7 +121,7 @@ def trace(
     soft = tracer.run(
         coarse, quality.shadow_samples, lambda done: progress(work[0] + done, sum(work)), False
     )
-    return _joined(scene, wide, near, around, soft, coarse)
+    return _joined(scene, wide, near, around, soft, coarse, ENOUGH_PASSES // passes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +132,7 @@ class _Rays:
     cover: Float[np.ndarray, "height width"]
     shadowed: Float[np.ndarray, "height width 3"]
     open: Float[np.ndarray, "height width 3"]
+    features: Float[np.ndarray, "height width 6"]  # albedo and normal, times the cover
 
 
 class _Tracer:
@@ -147,11 +150,12 @@ class _Tracer:
     ) -> _Rays:
         """Trace `passes` rays through every pixel of a window."""
         camera = sensor(self._mi, self._scene.viewpoint, window)
-        radiance, shadowed, unshadowed = np.zeros((3, window.height, window.width, 3))
-        cover = np.zeros((window.height, window.width))
+        size = (window.height, window.width)
+        radiance, shadowed, unshadowed = np.zeros((3, *size, 3))
+        cover, features = np.zeros(size), np.zeros((*size, 6))
         for number in range(passes):
             seed = self._seed * 100_003 + number
-            full, shape = self._render(self._full, camera, seed, MOST_BOUNCES)
+            full, shape, looks = self._render(self._full, camera, seed, MOST_BOUNCES)
             plane, solid = shape == self._plane, (shape != self._plane) & (shape > 0)
             shadowed += full * plane[..., None]
             unshadowed += self._render(self._empty, camera, seed, 1)[0] * plane[..., None]
@@ -159,35 +163,44 @@ class _Tracer:
                 full = self._render(self._alone, camera, seed, MOST_BOUNCES)[0]
             radiance += full * solid[..., None]
             cover += solid
+            features += looks * solid[..., None]
             done(window.width * window.height * (number + 1))
-        return _Rays(radiance / passes, cover / passes, shadowed / passes, unshadowed / passes)
+        sums = (radiance, cover, shadowed, unshadowed, features)
+        return _Rays(*(values / passes for values in sums))
 
     def _render(
         self, scene: Any, camera: Any, seed: int, bounces: int
-    ) -> tuple[Float[np.ndarray, "height width 3"], Int[np.ndarray, "height width"]]:
-        """Radiance, and the number of the shape each ray meets: 0 none, then from 1 on."""
+    ) -> tuple[
+        Float[np.ndarray, "height width 3"],
+        Int[np.ndarray, "height width"],
+        Float[np.ndarray, "height width 6"],
+    ]:
+        """Radiance; the shape each ray meets: 0 none, then from 1 on; its albedo and normal."""
         path = {"type": "path", "max_depth": bounces + 1, "rr_depth": 3}
-        nested = {"type": "aov", "aovs": "id:shape_index", "path": path}
+        nested = {"type": "aov", "aovs": AOVS, "path": path}
         integrator = self._mi.load_dict(nested)
         image = self._mi.render(scene, sensor=camera, integrator=integrator, seed=seed, spp=1)
-        values = np.array(image)
-        return values[..., :3].astype(float), np.round(values[..., 3]).astype(int)
+        values = np.array(image).astype(float)
+        return values[..., :3], np.round(values[..., 3]).astype(int), values[..., 4:]
 
 
 def _joined(
-    scene: Scene, wide: Crop, near: Crop, around: _Rays, soft: _Rays, coarse: Window
+    scene: Scene, wide: Crop, near: Crop, around: _Rays, soft: _Rays, coarse: Window, rounds: int
 ) -> Layers:
-    """The fine grid where it is, the coarse one around it."""
+    """The fine grid where it is, the coarse one around it; `rounds` of smoothing."""
     height, width = wide[3] - wide[1], wide[2] - wide[0]
     radiance, cover = np.zeros((height, width, 3)), np.zeros((height, width))
-    far = _enlarged(_smooth(np.concatenate([soft.shadowed, soft.open], -1)), coarse, wide)
+    far = _enlarged(smooth_sums(np.concatenate([soft.shadowed, soft.open], -1), 1), coarse, wide)
     shadow = _quotient(far[..., :3], far[..., 3:])
     shadow = 1 + (shadow - 1) * _fading(wide, scene)[..., None]
     rows = slice(near[1] - wide[1], near[3] - wide[1])
     columns = slice(near[0] - wide[0], near[2] - wide[0])
-    radiance[rows, columns] = _by_pixel(around.radiance)
-    cover[rows, columns] = _by_pixel(around.cover)
-    sums = _smooth(_by_pixel(np.concatenate([around.shadowed, around.open], -1)))
+    objects, hidden = _by_pixel(around.radiance), _by_pixel(around.cover)
+    if rounds:
+        objects = denoised(objects, hidden, _by_pixel(around.features))
+    radiance[rows, columns], cover[rows, columns] = objects, hidden
+    sums = _by_pixel(np.concatenate([around.shadowed, around.open], -1))
+    sums = smooth_sums(sums, min(rounds, 6))
     sharp, weight = _quotient(sums[..., :3], sums[..., 3:]), _fading(near, scene)[..., None]
     shadow[rows, columns] = sharp * weight + shadow[rows, columns] * (1 - weight)
     return Layers(wide, *(layer.astype(np.float32) for layer in (radiance, cover, shadow)))
@@ -211,18 +224,6 @@ def _by_pixel(fine: np.ndarray) -> np.ndarray:
     parts = fine.reshape(height, FINE, width, FINE, *fine.shape[2:])
     result: np.ndarray = parts.mean(axis=(1, 3))
     return result
-
-
-def _smooth(values: Float[np.ndarray, "height width n"]) -> Float[np.ndarray, "height width n"]:
-    """Weights 1 2 1 along both axes, against noise.
-
-    Sums are smoothed, not their quotient: pixels that see no plane then count for nothing.
-    """
-    for axis in (0, 1):
-        padded = np.pad(values, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
-        first, last = (np.take(padded, range(k, k + values.shape[axis]), axis) for k in (0, 2))
-        values = (first + 2 * values + last) / 4
-    return values
 
 
 def _enlarged(

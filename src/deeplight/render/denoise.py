@@ -1,0 +1,58 @@
+"""What takes the grain of few rays out of a preview; with many rays it does next to nothing.
+
+Shadows are smooth but where objects touch the ground, and what an object looks like changes where
+its surface turns or its colour does: so both may borrow rays from pixels near by.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+ENOUGH_PASSES = 16
+"""From so many passes on a pixel of the fine grid's own rays do."""
+
+_REACH = 2
+_ALIKE = 0.004  # squared difference of normals and albedos at which a neighbour counts 1 / e
+
+
+def smooth_sums(
+    sums: Float[np.ndarray, "height width n"], rounds: int
+) -> Float[np.ndarray, "height width n"]:
+    """Weights 1 2 1 along both axes, so many times.
+
+    For sums over rays, not for their quotients: pixels without rays then count for nothing.
+    """
+    for axis in (0, 1) * rounds:
+        padded = np.pad(sums, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
+        first, last = (np.take(padded, range(k, k + sums.shape[axis]), axis) for k in (0, 2))
+        sums = (first + 2 * sums + last) / 4
+    return sums
+
+
+def denoised(
+    radiance: Float[np.ndarray, "height width 3"],
+    cover: Float[np.ndarray, "height width"],
+    features: Float[np.ndarray, "height width n"],
+) -> Float[np.ndarray, "height width 3"]:
+    """Average the objects' radiance over neighbours of like surface.
+
+    Args:
+        radiance, features: times the cover; features are albedo and normal.
+        cover: share of the pixel.
+
+    Returns:
+        Radiance, again times the cover.
+    """
+    padded = np.concatenate([radiance, cover[..., None], features], axis=-1)
+    padded = np.pad(padded, [(_REACH, _REACH), (_REACH, _REACH), (0, 0)])
+    height, width = cover.shape
+    own = features / np.maximum(cover, 1e-6)[..., None]
+    total, weights = np.zeros_like(radiance), np.zeros((height, width, 1))
+    for down, right in np.ndindex(2 * _REACH + 1, 2 * _REACH + 1):
+        other = padded[down : down + height, right : right + width]
+        share = other[..., 3:4]
+        apart = ((other[..., 4:] / np.maximum(share, 1e-6) - own) ** 2).sum(-1, keepdims=True)
+        weight = np.exp(-apart / _ALIKE)
+        total += weight * other[..., :3]
+        weights += weight * share
+    result: np.ndarray = total / np.maximum(weights, 1e-9) * cover[..., None]
+    return result
