@@ -117,6 +117,7 @@ def measure(folder: Path, how: MeasureSettings, advance: Advance = lambda n: Non
         ImageFileError: a photograph is broken, of another size, or shows no sphere.
     """
     stage = open_stage(folder, how.material, how.lights, how.gamma)
+    _check_scale(stage, how)
     cameras = {name: stage.pinhole(name, how.fov_deg) for name in stage.spheres}
     outlines = _outlines(stage, cameras, how, advance)
     light = _light(stage, cameras, outlines, how, advance)
@@ -274,16 +275,28 @@ def _scale(
 ) -> tuple[float, _Light]:
     """The one factor that makes all spheres absolute."""
     for name, value in how.reflectivity.items():
-        if name not in bases:
-            got = f"{name!r}"
-            raise ConfigError(f"the reflectivity of one of {sorted(bases)}", got, "correct it")
         furnace = bases[name].furnace()[bases[name].view.mask()].mean()
         told = f"{name}'s reflectivity, given as {value}"
         return float(value / furnace), replace(light, scale_from=told)
     if not light.scale_from:
-        do = "give --reflectivity diffuse=0.345, photograph the mirror unsaturated, or calibrate"
-        raise DataSetError("something that sets the absolute scale", "none", do)
+        raise _no_scale()
     return 1.0, light
+
+
+def _check_scale(stage: StageFolder, how: MeasureSettings) -> None:
+    """Tell before the work that its result would have no scale."""
+    photographed = sorted(set(stage.spheres) - (set() if how.photographed_mirror else {MIRROR}))
+    for name in how.reflectivity:
+        if name not in photographed:
+            got = f"{name!r}"
+            raise ConfigError(f"the reflectivity of one of {photographed}", got, "correct it")
+    if not (how.reflectivity or stage.lights.calibrated or MIRROR in stage.spheres):
+        raise _no_scale()
+
+
+def _no_scale() -> DataSetError:
+    do = "give --reflectivity diffuse=0.345, photograph the mirror unsaturated, or calibrate"
+    return DataSetError("something that sets the absolute scale", "none", do)
 
 
 def _scaled(basis: ReflectanceBasis, factor: float) -> ReflectanceBasis:
