@@ -16,6 +16,7 @@ from deeplight.frames import UP, world_from_camera
 from deeplight.render import engine, gravity, shapes
 from deeplight.render.compose import Item
 from deeplight.render.composite import composite, radiance_of, write_layers
+from deeplight.render.denoise import denoised
 from deeplight.render.ground import Viewpoint
 from deeplight.render.light import environment
 from deeplight.render.look import blurred, grain, look_of
@@ -205,6 +206,20 @@ def test_blur_is_measured(sigma: float) -> None:
     fine = np.repeat(edges[..., None], 3, -1).reshape(200, 4, 200, 4, 3).mean((1, 3))
     photo = blurred(fine, sigma).round().astype(np.uint8)
     assert look_of(photo).blur_px == pytest.approx(sigma, abs=0.25)
+
+
+def test_denoising_borrows_from_like_surface_only() -> None:
+    cover = np.ones((12, 20))
+    cover[:, 16:] = 0
+    normal = np.zeros((12, 20, 3))
+    normal[:, :8, 0], normal[:, 8:, 1] = 1, 1
+    clean = (
+        np.where(np.arange(20)[:, None] < 8, [0.2, 0.4, 0.6], [2.0, 1.0, 0.5]) * cover[..., None]
+    )
+    assert denoised(clean, cover, normal * cover[..., None]) == pytest.approx(clean, abs=1e-6)
+    noisy = clean + RNG.normal(0, 0.05, clean.shape) * cover[..., None]
+    error = denoised(noisy, cover, normal * cover[..., None]) - clean
+    assert error.std() < 0.35 * (noisy - clean).std()
 
 
 def layers_of(height: int, width: int, crop: tuple[int, int, int, int]) -> Layers:

@@ -1,0 +1,83 @@
+"""Make the pictures of docs/compose.md: python docs/pictures/make_compose.py.
+
+Takes some minutes. Needs the extra "render".
+"""
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from deeplight.camera import PinholeCamera
+from deeplight.estimate import default_estimator
+from deeplight.io.atomic import replacing
+from deeplight.io.image import encode_jpeg, read_photo
+from deeplight.render.compose import Composed, Item, Settings, compose
+from deeplight.render.ground import Viewpoint
+from deeplight.render.trace import Quality
+
+HERE = Path(__file__).parent
+PHOTOS = HERE.parents[1] / "examples" / "photos"
+PITCH_RAD = float(np.radians(-12))  # of the frames filmed in panoramas, see LICENSES.md
+QUALITY = Quality(samples=96, shadow_samples=96, shadow_pixels=12_000)
+OBJECTS = (Item("bunny", "diffuse"), Item("bunny", "silver"), Item("sphere", "mirror"))
+WIDTH = 300
+
+
+def main() -> None:
+    rows = [strip(name) for name in ("meadow.jpg", "canteen.jpg", "hall.jpg")]
+    write("compose.jpg", np.concatenate(rows))
+    write("compose_below.jpg", below("meadow.jpg"))
+
+
+def strip(name: str) -> np.ndarray:
+    """The photo, and with each object."""
+    photo = read_photo(PHOTOS / name).pixels
+    pictures = [photo, *(made(name, [item]).composite.pixels for item in OBJECTS)]
+    return np.concatenate([small(picture) for picture in pictures], axis=1)
+
+
+def below(name: str) -> np.ndarray:
+    """Light from below: the surface's, and the estimate's; the object cut out and enlarged."""
+    tiles = []
+    for text, from_estimate in (("below: the surface", False), ("below: the estimate", True)):
+        composed = made(name, [Item("bunny", "silver")], from_estimate)
+        height, width, _ = composed.composite.pixels.shape
+        part = composed.composite.pixels[int(0.44 * height) : int(0.70 * height), width // 4 :]
+        tile = Image.fromarray(part[:, : width // 2]).resize(
+            (WIDTH, WIDTH * len(part) * 2 // width)
+        )
+        ImageDraw.Draw(tile).text((8, 6), text, "white")
+        tiles.append(np.asarray(tile))
+    return np.concatenate(tiles, axis=1)
+
+
+def made(name: str, items: list[Item], light_from_below: bool = False) -> Composed:
+    photo = read_photo(PHOTOS / name)
+    estimate = default_estimator().explain(photo)
+    height, width, _ = photo.pixels.shape
+    camera = PinholeCamera(width, height, estimate.framing.vertical_fov_rad)
+    return compose(
+        photo.pixels,
+        estimate.lighting.latlong(),
+        Viewpoint(camera, pitch_rad=PITCH_RAD),
+        items,
+        Settings(QUALITY, light_from_below=light_from_below),
+        estimate.framing.bottom,
+    )
+
+
+def small(picture: np.ndarray) -> np.ndarray:
+    """The middle of a picture, where the object stands."""
+    height, width, _ = picture.shape
+    part = Image.fromarray(picture[int(0.22 * height) : int(0.78 * height)])
+    return np.asarray(part.resize((WIDTH, WIDTH * part.height // width)))
+
+
+def write(name: str, picture: np.ndarray) -> None:
+    with replacing(HERE / name) as temporary:
+        temporary.write_bytes(encode_jpeg(picture, 88))
+
+
+if __name__ == "__main__":
+    main()
