@@ -227,6 +227,9 @@ def test_a_manifest_keeps_its_splits(haven: Haven, panorama: bytes, tmp_path: Pa
     assert (place.split, place.name, place.scene) == ("test", "home", "indoor")
     with pytest.raises(ConfigError, match="neither"):
         command.run(command.Args())
+    with pytest.raises(DownloadError):
+        command.run(command.Args(("gone",), tmp_path / "new", api=haven.address))
+    assert not (tmp_path / "new").exists()  # no folder for nothing
 
 
 def test_nothing_else_uses_the_network(root: Path) -> None:

@@ -2,9 +2,7 @@
 
 deeplight evaluate --data data/sim --split val --out results
 
-Prints masked L1 of the spheres, colour angle and relative radiance error of the diffuse one, and
-errors against the true light where it is known. With --out it also writes report.html (look at
-it), results.json, results.csv (every example), pictures and run.toml.
+Prints the tables; with --out also report.html (look at it), results.json, results.csv, run.toml.
 """
 
 from contextlib import nullcontext
@@ -20,42 +18,35 @@ class Args:
     """Options of `deeplight evaluate`."""
 
     data: Path
-    """Folder of the data set; with --benchmark it is made there if it is not yet."""
+    """Folder of the data set; with --benchmark it is made there."""
     split: tuple[str, ...] = ("val",)
     """val, test, seen, or splits of the data set; several make one report."""
     model: tuple[str, ...] = ()
-    """Exported models: FILE.onnx, NAME=FILE.onnx or a folder of training runs, one or more; left
-    out, the model that comes with deeplight."""
+    """FILE.onnx, NAME=FILE.onnx or a folder of training runs; left out, deeplight's own model."""
     panoramas: tuple[str, ...] = ()
-    """Other methods: NAME=FOLDER of HDR panoramas named by the examples' keys, or
-    NAME=FOLDER,ELEVATION_DEG where they are upright and the camera is tilted."""
+    """Other methods: NAME=FOLDER of HDR panoramas named by key, or NAME=FOLDER,ELEVATION_DEG."""
     out: Path | None = None
-    """Folder for the report and the results as files."""
+    """Folder for the report and all files."""
     examples: int | None = None
     """Measure only so many examples of each split, evenly spread."""
     three_spheres: bool = False
     """Compute the protocol of StyleLight and DiffusionLight too, under its own name."""
     benchmark: str | None = None
-    """Make and check the published benchmark of that name, as v1; needs --hdri."""
+    """Make and check the published benchmark of that name (v1)."""
     hdri: Path | None = None
-    """Folder of the benchmark's panoramas."""
+    """Folder of the benchmark's panoramas, to make it."""
 
 
 def run(args: Args) -> None:
-    """Evaluate with a progress bar, print the tables, write the files."""
-    from deeplight.dataset import open_dataset
-    from deeplight.evaluate.benchmark import benchmark_data
-    from deeplight.evaluate.command import Wanted, evaluation
+    from deeplight.evaluate.command import Wanted, evaluation, opened
     from deeplight.evaluate.files import check_can_write, write_files
     from deeplight.evaluate.tables import all_tables
     from deeplight.io.atomic import results_folder
 
-    made = benchmark_data(args.benchmark, args.hdri, args.data) if args.benchmark else None
-    data = made or open_dataset(args.data)
+    data = opened(args.data, args.benchmark, args.hdri)
     wanted = Wanted(data, args.split, args.model, args.panoramas, args.examples, args.three_spheres)
     with results_folder(args.out) if args.out else nullcontext():  # told before any work
-        if args.out:
-            check_can_write()
+        check_can_write(args.out)
         with Progress(transient=True) as bar:
             task = bar.add_task("", total=None)
             found = evaluation(

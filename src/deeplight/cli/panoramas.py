@@ -1,6 +1,7 @@
 """Fetch CC0 panoramas from Poly Haven, to film in with `deeplight simulate`.
 
 deeplight panoramas abandoned_bakery brown_photostudio_02 --out hdri
+
 deeplight panoramas --manifest wanted.csv --out hdri
 
 Writes the panoramas and manifest.csv (which splits them by place). Cut short and run again, it goes
@@ -38,6 +39,7 @@ class Args:
 
 def run(args: Args) -> None:
     from deeplight.errors import ConfigError
+    from deeplight.io.atomic import results_folder
     from deeplight.simulate.poly_haven import CREDIT, Server, fetch_panoramas, rows_in, rows_of
 
     rows = [*rows_of(args.slugs), *(rows_in(args.manifest) if args.manifest else [])]
@@ -45,10 +47,11 @@ def run(args: Args) -> None:
         raise ConfigError("names of panoramas or --manifest", "neither", "give one of them")
     server = Server(args.api, args.timeout)
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
-    with Progress(*columns, TransferSpeedColumn(), transient=True) as bar:
+    bars = Progress(*columns, TransferSpeedColumn(), transient=True)
+    with results_folder(args.out), bars as bar:
         tasks = {row.slug: bar.add_task(row.slug, total=None, visible=False) for row in rows}
 
-        def more(slug: str, piece: int, size: int) -> None:
+        def more(slug: str, size: int, piece: int) -> None:
             bar.update(tasks[slug], total=size, advance=piece, visible=True)
 
         manifest = fetch_panoramas(rows, args.out, server, args.resolution, args.format, more)

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from deeplight.dataset import DataSet
+from deeplight.dataset import DataSet, open_dataset
 from deeplight.evaluate.baselines.baseline import Baseline
 from deeplight.evaluate.baselines.suite import baselines_for
+from deeplight.evaluate.benchmark import benchmark_data
 from deeplight.evaluate.models import NamedModel, named_models
 from deeplight.evaluate.panorama_estimates import PanoramaEstimates, panorama_estimates
 from deeplight.evaluate.result import SplitResult, measured
@@ -16,7 +18,7 @@ class Wanted:
     """What is to be measured.
 
     Attributes:
-        data: the data set.
+        data: the data set, from `opened`.
         splits: of it, or groups of its splits.
         models, panoramas: as `named_models` and `panorama_estimates` take them.
         at_most: only so many examples of each split.
@@ -37,6 +39,15 @@ class Evaluation:
 
     results: list[SplitResult]
     models: list[NamedModel]
+
+
+def opened(folder: Path, benchmark: str | None = None, hdri: Path | None = None) -> DataSet:
+    """Open a data set, or the one of a benchmark; raises what `benchmark_data` does.
+
+    Raises:
+        DataSetError: there is none.
+    """
+    return benchmark_data(benchmark, hdri, folder) if benchmark else open_dataset(folder)
 
 
 def evaluation(

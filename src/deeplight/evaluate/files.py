@@ -23,13 +23,14 @@ from deeplight.io.run_record import write_run_toml
 VERSION = 2  # of results.json: 1 had one split and no medians
 
 
-def check_can_write() -> None:
-    """Tell a missing template engine before hours of work.
+def check_can_write(folder: Path | None) -> None:
+    """Tell a missing template engine before hours of work, if files are wanted at all.
 
     Raises:
         MissingExtraError: it is not installed.
     """
-    Page("").html()
+    if folder is not None:
+        Page("").html()
 
 
 def write_files(

@@ -13,9 +13,10 @@ from deeplight.evaluate.figures.percentiles import percentile_figure, worst_figu
 from deeplight.evaluate.figures.temporal import temporal_figure
 from deeplight.evaluate.result import SplitResult
 from deeplight.evaluate.scores import TRUE_LIGHTING
-from deeplight.io.page import Block, Figure, Heading, Page, Paragraph, Table
+from deeplight.io.page import Block, Figure, Heading, Page, Paragraph, Row, Table
 
 MOST_COLUMNS = 10  # of spheres that fit beside each other
+WORST_PX = 400
 SCENES = ("indoor", "outdoor")
 
 
@@ -109,7 +110,7 @@ def _split(result: SplitResult, shown: Pictures) -> Iterator[Block]:
     yield Heading(f"{split}: the same photos under every estimator")
     yield Figure(shown.comparison, "Diffuse, matte silver and mirror from top to bottom.")
     yield Heading(f"{split}: the worst places")
-    yield from (Figure(picture, told) for told, picture in shown.worst)
+    yield Row([Figure(picture, told, width_px=WORST_PX) for told, picture in shown.worst])
     if result.protocols:
         yield Heading(f"{split}: three-sphere protocol of StyleLight and DiffusionLight")
         yield from tables.protocol_tables(result)
@@ -131,6 +132,6 @@ def _told(result: SplitResult, position: int) -> str:
     scores = report.scores[result.methods[0]]
     l1 = " / ".join(f"{scores.l1[s][position]:.2f}" for s in ("diffuse", "matte_silver", "mirror"))
     return (
-        f"{report.places[position]} ({report.scenes[position]}), {report.keys[position]}: "
-        f"L1 diffuse / silver / mirror {l1}"
+        f"{report.places[position]} ({report.scenes[position]}): "
+        f"L1 diffuse / silver / mirror {l1}. Example {report.keys[position]}."
     )

@@ -136,7 +136,8 @@ def runs_of_frames(
 ) -> list[Int64[np.ndarray, " frames"]]:
     """Runs of up to `longest` neighbouring frames, one of each take, in the order of the report."""
     follows = dict(pairs.tolist())
-    starts = [first for first in follows if first not in set(follows.values())]
+    later = set(follows.values())
+    starts = [first for first in follows if first not in later]
     runs, seen = [], set()
     for start in starts:
         if report.takes[start] in seen:

@@ -16,9 +16,10 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from http.client import HTTPException
-from io import BufferedIOBase
 from importlib.metadata import version
+from io import BufferedIOBase
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -164,7 +165,7 @@ def fetch_panoramas(
     server: Server,
     resolution: str = "1k",
     kind: str = "hdr",
-    progress: Callable[[str, int, int], None] = lambda slug, bytes_more, size: None,
+    progress: Callable[[str, int, int], None] = lambda slug, size, piece: None,
 ) -> Path:
     """Fetch every panorama that is not there yet and write the manifest; give its path.
 
@@ -175,7 +176,7 @@ def fetch_panoramas(
         rows: what to fetch, from `rows_of` or `rows_in`.
         resolution: "1k" is 1024 x 512.
         kind: "hdr" or "exr".
-        progress: told a slug, how many bytes came, and how many there are.
+        progress: told a slug, how many bytes there are, and how many came.
 
     Raises:
         ConfigError: a resolution or a format that does not exist.
@@ -192,7 +193,7 @@ def fetch_panoramas(
         remote = _announced(server.answer(f"files/{row.slug}"), row.slug, resolution, kind)
         target = folder / f"{row.slug}.{kind}"
         if not (target.is_file() and _md5(target) == remote.md5):
-            server.fetch(remote, target, lambda n, r=row, s=remote.size: progress(r.slug, n, s))
+            server.fetch(remote, target, partial(progress, row.slug, remote.size))
         known = done.get(target.name, row)
         done[target.name] = _completed(known, target.name, remote.url, server)
         _write(manifest, done.values())
