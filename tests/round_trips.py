@@ -4,6 +4,7 @@ A round trip exports light for a tool, lets the tool itself load it and render a
 ball, seen from far away by the tool's own camera, and compares those with `relight`.
 """
 
+import sys
 from dataclasses import dataclass
 from functools import cache
 
@@ -91,10 +92,15 @@ def labels_seen(mirror: np.ndarray) -> dict[str, str]:
     return seen
 
 
+def tell(line: str) -> None:
+    """Show a measured number where pytest is run with -s."""
+    sys.stdout.write(f"\n{line}\n")
+
+
 def assert_right(theirs: Balls, tool: str) -> None:
     """The grey ball is ours within `MOST_L1`, and each label is where it belongs."""
     grey, mirror = measured(theirs)
-    print(f"{tool}: masked L1 grey {grey:.4f}, mirror {mirror:.4f}")
+    tell(f"{tool}: masked L1 grey {grey:.4f}, mirror {mirror:.4f}")
     assert labels_seen(theirs.mirror) == {name: name for name in TOWARDS}
     assert grey <= MOST_L1
     assert mirror <= 0.1

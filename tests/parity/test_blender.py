@@ -11,12 +11,20 @@ import sys
 from pathlib import Path
 
 import pytest
-from round_trips import MATERIALS, SIZE, Balls, assert_right, assert_wrong, labelled, mirrored
-from round_trips import quarter_turned
 
 from deeplight.export.environment import Environment
 from deeplight.export.files import Wish, write_environment
 from deeplight.io.hdr import read_hdr
+from round_trips import (
+    MATERIALS,
+    SIZE,
+    Balls,
+    assert_right,
+    assert_wrong,
+    labelled,
+    mirrored,
+    quarter_turned,
+)
 
 PYTHON = os.environ.get("DEEPLIGHT_BLENDER_PYTHON", sys.executable)
 SCRIPT = Path(__file__).parent / "tools" / "blender_balls.py"
@@ -24,7 +32,7 @@ SCRIPT = Path(__file__).parent / "tools" / "blender_balls.py"
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(
-        PYTHON == sys.executable and importlib.util.find_spec("bpy") is None,
+        sys.executable == PYTHON and importlib.util.find_spec("bpy") is None,
         reason="needs Blender's module bpy: make round-trip",
     ),
 ]

@@ -11,6 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from deeplight.export.environment import Environment
+from deeplight.export.files import Wish, write_environment
 from round_trips import (
     MATERIALS,
     SIZE,
@@ -22,10 +25,8 @@ from round_trips import (
     measured,
     mirrored,
     quarter_turned,
+    tell,
 )
-
-from deeplight.export.environment import Environment
-from deeplight.export.files import Wish, write_environment
 
 MODULES = os.environ.get("DEEPLIGHT_NODE_MODULES", "")
 CHROMIUM = os.environ.get("DEEPLIGHT_CHROMIUM") or shutil.which("chromium") or ""
@@ -68,14 +69,14 @@ def test_three_sees_the_light_as_we_do(tmp_path: Path, way: str) -> None:
 def test_harmonics_and_a_directional_light_are_the_same_light(tmp_path: Path) -> None:
     """E(harmonics) + E(main light) = E(all), in three.js's own shaders."""
     grey, _ = measured(rendered(labelled(), tmp_path, "lights"))
-    print(f"three.js, harmonics and main light: masked L1 grey {grey:.4f}")
+    tell(f"three.js, harmonics and main light: masked L1 grey {grey:.4f}")
     assert grey <= 0.03
 
 
 def test_the_gain_map_jpeg_is_read_right_side_up(tmp_path: Path) -> None:
     """three.js's own loader bends the curve of gain maps, so the brightness is its affair."""
     balls = rendered(labelled(), tmp_path, "gain-map")
-    print("three.js, gain map: masked L1 grey {:.4f}, mirror {:.4f}".format(*measured(balls)))
+    tell("three.js, gain map: masked L1 grey {:.4f}, mirror {:.4f}".format(*measured(balls)))
     assert all(name == seen for name, seen in labels_seen(balls.mirror).items())
 
 

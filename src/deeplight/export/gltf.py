@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image
 
-from deeplight import brdf, cube, latlong
+from deeplight import cube, latlong
 from deeplight.export.environment import Environment
 from deeplight.export.orientation import GLTF_SIGN, gltf_faces
 from deeplight.frames import looking_at
@@ -149,8 +149,10 @@ def _blurred(
     radiance: np.ndarray,
     alpha: float,
 ) -> np.ndarray:
+    """Mean radiance around each normal under GGX seen head on, weighted by the cosine."""
     n_l = normals @ directions.T
-    lobe = brdf.rough_specular(n_l, np.ones_like(n_l[:, :1]), n_l, alpha) * weights
+    n_h_squared = (1 + n_l) / 2
+    lobe = np.maximum(n_l, 0) / (n_h_squared * (alpha**2 - 1) + 1) ** 2 * weights
     return (lobe @ radiance / lobe.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
