@@ -106,4 +106,5 @@ def _unreachable(address: str, error: Exception) -> DataSetError:
     do = "check the address, the network and its access rights"
     if isinstance(error, ImportError | ValueError):
         do = "install the package fsspec names for this kind of address, or copy the folder here"
-    return DataSetError(f"a data set file at {address}", str(error) or type(error).__name__, do)
+    got = f"{type(error).__name__}: {error}"
+    return DataSetError(f"a data set file at {address}", got, do)

@@ -16,10 +16,8 @@ from deeplight.errors import ConfigError
 
 try:  # the same Fabric comes in two packages
     from lightning_fabric import Fabric
-    from lightning_fabric.strategies.ddp import DDPStrategy
 except ImportError:
     from lightning.fabric import Fabric  # type: ignore[no-redef]
-    from lightning.fabric.strategies.ddp import DDPStrategy  # type: ignore[no-redef]
 
 if TYPE_CHECKING:
     from deeplight.training.config import RunConfig
@@ -64,15 +62,13 @@ def fabric(config: "RunConfig", batch_size: int = 0) -> Fabric:
             f"batches of {batch_size} on {config.devices} x {config.nodes}",
             "change one of them",
         )
-    # Nothing to broadcast: batch norm already has the same statistics everywhere.
-    strategy = DDPStrategy(broadcast_buffers=False) if processes > 1 else "auto"
     try:
         return Fabric(
             accelerator=config.accelerator,
             devices=config.devices,
             num_nodes=config.nodes,
             precision=config.precision,
-            strategy=strategy,
+            strategy="ddp" if processes > 1 else "auto",
         )
     except (ValueError, RuntimeError) as error:  # of Fabric's own checks
         do = "use auto or cpu, or fewer devices"
