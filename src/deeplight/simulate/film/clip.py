@@ -85,7 +85,9 @@ class Clip:
         self.phone_camera = PinholeCamera(recipe.size, recipe.height, phone.vertical_fov_rad)
         self._habits = _with_troubles(draw_habits(phone, rng), troubles)
         side = float(rng.choice([-1, 1]) * rng.uniform(0.24, 0.34))
-        self.rig = draw_rig(rng, recipe.vary_rig, recipe.tag, side * ("partly_out" in troubles))
+        side *= "partly_out" in troubles
+        person = self.upright_from_phone.T
+        self.rig = draw_rig(rng, recipe.vary_rig, recipe.tag, side, person)
         self._shutter_s = _shutter(scene, troubles, rng)
         self._hand = _drawn_hand(recipe, troubles, DOME_M[scene], rng)
         self._times_s, self._dropped = _times(recipe, troubles, rng)

@@ -7,12 +7,13 @@ from jaxtyping import Float
 
 from deeplight.brdf import REFLECTIVITY
 from deeplight.camera import PinholeCamera
-from deeplight.frames import looking_at, normalised, rotation
+from deeplight.frames import Rotation, looking_at, normalised, rotation
 from deeplight.simulate.film.parts import Ball, Box, Rod, Thing
 from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
 
 Point = Float[np.ndarray, "3"]
 
+_UPRIGHT = np.eye(3)
 _RADIUS_M, _DISTANCE_M = 0.04, 0.60  # of PAPER_RIG
 _BELOW_M = 0.017  # from a sphere's lowest point to the middle of the bar
 _BAR_M, _STALK_M, _TAG_M = 0.006, 0.004, 0.013  # radii, and half the plate's side
@@ -58,7 +59,11 @@ class FilmRig:
 
 
 def draw_rig(
-    rng: np.random.Generator, vary: bool = True, tag: bool = False, off_centre: float = 0.0
+    rng: np.random.Generator,
+    vary: bool = True,
+    tag: bool = False,
+    off_centre: float = 0.0,
+    phone_from_person: Rotation = _UPRIGHT,
 ) -> FilmRig:
     """A rig as someone might have built it.
 
@@ -67,6 +72,7 @@ def draw_rig(
         vary: otherwise it is `PAPER_RIG`.
         tag: with an AprilTag on the bar.
         off_centre: how far to the side it hangs, in half widths of the picture.
+        phone_from_person: how the one who holds it stands in the phone's frame.
     """
     order = list(SPHERES)
     directions = [-PAPER_RIG.views[name].ball_from_camera[2] for name in order]
@@ -85,7 +91,9 @@ def draw_rig(
         plate = Thing(Box(middle, half, looking_at(middle)), "diffuse", (0.5,) * 3)
     name = "drawn" if vary else PAPER_RIG.name
     tag_id = int(rng.integers(4)) if tag else None
-    return FilmRig(name, centres, _RADIUS_M, _holder(places), _bystanders(), tag_id, plate)
+    return FilmRig(
+        name, centres, _RADIUS_M, _holder(places), _bystanders(phone_from_person), tag_id, plate
+    )
 
 
 def _drawn_places(rng: np.random.Generator) -> list[Point]:
@@ -106,13 +114,14 @@ def _holder(places: list[Point]) -> tuple[Thing, ...]:
     return tuple(Thing(rod, "diffuse", _METAL) for rod in rods)
 
 
-def _bystanders() -> tuple[Thing, ...]:
+def _bystanders(phone_from_person: Rotation) -> tuple[Thing, ...]:
     """Phone, hand and the person who holds it, behind the camera's pinhole."""
     phone = Box(np.array([0.0, -0.05, 0.012]), np.array([0.038, 0.078, 0.004]), np.eye(3))
     hand = Rod(np.array([-0.045, -0.10, 0.03]), np.array([0.045, -0.10, 0.03]), 0.03)
-    arm = Rod(np.array([0.05, -0.13, 0.05]), np.array([0.20, -0.40, 0.35]), 0.04)
-    body = Rod(np.array([0.0, -0.35, 0.45]), np.array([0.0, -1.0, 0.40]), 0.17)
-    head = Ball(np.array([0.0, 0.05, 0.45]), 0.10)
+    around = phone_from_person
+    arm = Rod(around @ [0.05, -0.13, 0.05], around @ [0.20, -0.40, 0.35], 0.04)
+    body = Rod(around @ [0.0, -0.35, 0.45], around @ [0.0, -1.0, 0.40], 0.17)
+    head = Ball(around @ [0.0, 0.05, 0.45], 0.10)
     return (
         Thing(phone, "diffuse", _PHONE),
         Thing(hand, "diffuse", _SKIN),
