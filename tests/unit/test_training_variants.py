@@ -8,10 +8,12 @@ nn = torch.nn
 pytest.importorskip("onnxscript")
 
 from deeplight.contract import ModelContract  # noqa: E402
+from deeplight.dataset import SplitIndex  # noqa: E402
 from deeplight.errors import ConfigError, ModelError  # noqa: E402
 from deeplight.estimate.onnx_estimator import OnnxEstimator  # noqa: E402
 from deeplight.export.onnx import export_onnx  # noqa: E402
 from deeplight.preprocess import frame_photo, landscape_background, network_input  # noqa: E402
+from deeplight.training.batches import ExampleBytes, refuse_other_size  # noqa: E402
 from deeplight.training.checkpoint import Header  # noqa: E402
 from deeplight.training.config import changed, flatten  # noqa: E402
 from deeplight.training.generator import (  # noqa: E402
@@ -151,3 +153,29 @@ def test_an_exported_variant_estimates(tmp_path, variant, quick):
     inside = lighting.radiance[lighting.size // 2, lighting.size // 2]
     centre = expected[:, lighting.size // 2, lighting.size // 2].exp().numpy()
     np.testing.assert_allclose(inside, centre, rtol=1e-3)
+
+
+class Stored(SplitIndex):
+    """A split of two examples with backgrounds of one shape, each row as bright as its number."""
+
+    def __init__(self, shape):
+        self.shape, self.rigs = shape, np.array(["paper", "paper"])
+
+    def pixels(self, number):
+        rows = np.arange(self.shape[0], dtype=np.uint8)
+        photo = np.broadcast_to(rows[:, None, None], (*self.shape, 3))
+        return photo, np.zeros((3, 8, 8, 3), np.uint8)
+
+    def __len__(self):
+        return 2
+
+
+def test_the_landscape_network_trains_on_portrait_and_on_landscape_data():
+    for shape in ((192, 135), (144, 192)):
+        examples = ExampleBytes(Stored(shape), ["paper"], "landscape")
+        refuse_other_size(examples, "landscape")
+        assert examples[0].photo.shape == (144, 192, 3)
+    cut = ExampleBytes(Stored((192, 135)), ["paper"], "landscape")[0].photo[:, 0, 0].numpy()
+    assert (cut[0], cut[-1]) == (45, 146)  # 192 / 1536 * (1536 - 810) / 2 = 45.4 rows from the top
+    with pytest.raises(ConfigError, match="orientation"):
+        refuse_other_size(ExampleBytes(Stored((144, 192)), ["paper"]), "portrait")
