@@ -4,9 +4,11 @@ A round trip exports light for a tool, lets the tool itself load it and render a
 ball, seen from far away by the tool's own camera, and compares those with `relight`.
 """
 
+import os
 import sys
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from deeplight.edit import turned
 from deeplight.export.environment import Environment
 from deeplight.export.labelled import LABELS, labelled_environment
 from deeplight.frames import normalised, rotation
+from deeplight.io.hdr import write_exr
 from deeplight.lighting import Lighting
 from deeplight.mirror_ball import pixel_of_directions
 from deeplight.reflectance import analytic_basis
@@ -100,12 +103,21 @@ def tell(line: str) -> None:
 def assert_right(theirs: Balls, tool: str) -> None:
     """The grey ball is ours within `MOST_L1`, and each label is where it belongs."""
     grey, mirror = measured(theirs)
+    keep(theirs, tool)
     tell(f"{tool}: masked L1 grey {grey:.4f}, mirror {mirror:.4f}")
     assert labels_seen(theirs.mirror) == {name: name for name in TOWARDS}
     assert grey <= MOST_L1
     assert mirror <= 0.1
     ours = our_balls().diffuse[VIEW.mask()].mean()
     assert theirs.diffuse[VIEW.mask()].mean() == pytest.approx(ours, rel=0.05)
+
+
+def keep(balls: Balls, name: str) -> None:
+    """Save both balls for the documents' picture, where a folder is named for them."""
+    if folder := os.environ.get("DEEPLIGHT_ROUND_TRIP_PICTURES"):
+        linear = np.concatenate([balls.diffuse, balls.mirror], axis=1)
+        alpha = np.tile(VIEW.alpha(), (1, 2))[..., None]
+        write_exr(Path(folder) / f"{name}.exr", (linear * alpha).astype(np.float32))
 
 
 def assert_wrong(theirs: Balls) -> None:

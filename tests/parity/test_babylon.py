@@ -17,6 +17,7 @@ from round_trips import (
     TOWARDS,
     Balls,
     assert_wrong,
+    keep,
     labelled,
     labels_seen,
     measured,
@@ -56,6 +57,7 @@ def rendered(environment: Environment, folder: Path) -> Balls:
 def test_babylon_sees_the_light_as_we_do(tmp_path: Path) -> None:
     """Grey by harmonics and main light together; the mirror shows all but the main light."""
     balls = rendered(labelled(), tmp_path)
+    keep(balls, "Babylon.js, glTF")
     tell("Babylon.js: masked L1 grey {:.4f}, mirror {:.4f}".format(*measured(balls)))
     assert measured(balls)[0] <= MOST_L1
     assert labels_seen(balls.mirror) == {name: name for name in TOWARDS}

@@ -19,6 +19,7 @@ from round_trips import (
     quarter_turned,
 )
 
+pytestmark = pytest.mark.slow
 mitsuba = pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
 
 

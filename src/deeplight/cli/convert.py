@@ -1,10 +1,9 @@
 """Bring light into the format of a tool, right side up, edited on the way.
 
 deeplight convert out/photo.json --out light.glb
-
 deeplight convert studio.hdr --out light.exr --for blender --turn 30 0 0 --stops -1
 
-deeplight convert --test-panorama --out labelled.js
+deeplight convert --test-panorama --out test.js
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from deeplight.edit import Edit, edited_latlong
+from deeplight.edit import Edit
 from deeplight.probe import Mapping
 
 Format = Literal["exr", "hdr", "jpg", "json", "webxr", "gltf", "glb", "blender", "three"]
@@ -49,7 +48,6 @@ def run(args: Args) -> None:
     """Read, edit and write."""
     from rich.console import Console
 
-    from deeplight.export.environment import Environment
     from deeplight.export.files import Wish, write_environment
     from deeplight.export.labelled import labelled_environment
     from deeplight.export.source import read_environment
@@ -58,7 +56,5 @@ def run(args: Args) -> None:
     wish.must_not_replace(args.inputs)
     test = labelled_environment() if args.test_panorama else None
     light = test or read_environment(args.inputs, args.in_mapping, args.made_from)
-    if args.edit != Edit():
-        light = Environment(edited_latlong(light.radiance, args.edit))
-    files = write_environment(light, wish)
-    Console(highlight=False, soft_wrap=True, markup=False).print(*files, sep="\n")
+    told = Console(highlight=False, soft_wrap=True, markup=False)
+    told.print(*write_environment(light.edited(args.edit), wish), sep="\n")

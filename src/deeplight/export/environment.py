@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from jaxtyping import Float
 
+from deeplight.edit import Edit, edited_latlong
 from deeplight.errors import ShapeError
 from deeplight.harmonics import DominantLight, dominant_light_of_latlong
 from deeplight.lighting import Lighting
@@ -43,6 +45,11 @@ class Environment:
         if power == 0:
             raise ShapeError("light", "a panorama that is black all over", "give another one")
         object.__setattr__(self, "radiance", np.maximum(radiance, 0))
+
+    def edited(self, edit: Edit) -> Self:
+        """The same light after `edit`."""
+        with np.errstate(over="ignore"):  # too bright is refused like any infinity
+            return self if edit == Edit() else type(self)(edited_latlong(self.radiance, edit))
 
     @cached_property
     def lighting(self) -> Lighting:
