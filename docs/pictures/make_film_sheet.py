@@ -1,7 +1,7 @@
 """Draw docs/pictures/films.jpg: python docs/pictures/make_film_sheet.py FOLDER_OF_FILMS.
 
 The middle frame of each clip of a folder that `deeplight simulate --video` made, with its
-trouble's name. The shipped one shows CC0 panoramas (Poly Haven).
+trouble's name; only of CC0 panoramas (the shipped one: Poly Haven), because it is shipped.
 """
 
 import json
@@ -31,7 +31,8 @@ def tile(clip: Path) -> np.ndarray:
 
 
 def main() -> None:
-    clips = sorted(Path(sys.argv[1]).glob("clips/*.truth.json"))[:MOST]
+    truths = sorted(Path(sys.argv[1]).glob("clips/*.truth.json"))
+    clips = [p for p in truths if json.loads(p.read_text())["licence"].startswith("CC0")][:MOST]
     tiles = [tile(path.with_name(path.name.replace(".truth.json", ".mp4"))) for path in clips]
     out = Path(__file__).with_name("films.jpg")
     with replacing(out) as temporary:
