@@ -21,7 +21,8 @@ from deeplight.frames import normalised
 SMALLEST_RAD, LARGEST_RAD = np.radians(1.2), np.radians(9.0)
 _RATIO = 1.1  # between neighbouring radii of the vote
 _FAINT = 0.2  # edges steadier than this vote; moving texture reaches 1 / sqrt(frames)
-_ANGLES = np.arange(96) * (2 * np.pi / 96)
+_ANGLES = np.arange(72) * (2 * np.pi / 72)
+_LEAST_COVERAGE = 0.22  # of the outline of a sphere; chance circles of texture reach 0.2
 _BORDER = 0.15  # centres may lie outside the picture by this share of its shorter side
 
 
@@ -39,7 +40,7 @@ class Candidate:
     coverage: float
 
 
-def find_candidates(found: Evidence, camera: PinholeCamera, most: int = 40) -> list[Candidate]:
+def find_candidates(found: Evidence, camera: PinholeCamera, most: int = 30) -> list[Candidate]:
     """Circles of steady edges, best first; `camera` is that of the working scale."""
     rays, normals, weights = edge_planes(found, camera)
     steps = int(np.ceil(np.log(LARGEST_RAD / SMALLEST_RAD) / np.log(_RATIO)))
@@ -48,7 +49,11 @@ def find_candidates(found: Evidence, camera: PinholeCamera, most: int = 40) -> l
         peaks += _peaks(rays, normals, weights, float(rho), camera)
     peaks.sort(key=lambda peak: -peak[0])
     chosen: list[Candidate] = []
-    for _, cone in peaks[: 3 * most]:
+    tried: list[Cone] = []
+    for _, cone in peaks:
+        if len(tried) >= 2 * most or any(_same(cone, other, 0.25) for other in tried):
+            continue
+        tried.append(cone)
         candidate = settled(cone, found, camera)
         if candidate and not any(_same(candidate.cone, other.cone) for other in chosen):
             chosen.append(candidate)
@@ -121,9 +126,9 @@ def settled(cone: Cone, found: Evidence, camera: PinholeCamera) -> Candidate | N
     None where it runs away from where it began or out of the picture.
     """
     start, pixel = cone, 1 / pixel_scale(camera)
-    for reach in (0.25, 0.2, 0.15, 0.1, 0.08):
+    for reach in (0.25, 0.2, 0.15, 0.1):
         step = max(reach * cone.angular_radius_rad, 2 * pixel)
-        offsets = np.linspace(-step, step, 17)
+        offsets = np.linspace(-step, step, 13)
         outline, inside = _outline(cone, offsets, found, camera)
         if inside.mean() < 0.3:
             return None
@@ -166,7 +171,7 @@ def _outline(
     """
     pixel = 1 / pixel_scale(camera)
     gap = max(2.5 * pixel, 0.06 * cone.angular_radius_rad)
-    beyond = gap + np.array([0.0, 0.5, 1.0]) * max(3 * pixel, 0.15 * cone.angular_radius_rad)
+    beyond = gap + np.array([0.0, 0.8]) * max(3 * pixel, 0.15 * cone.angular_radius_rad)
     every = np.concatenate([offsets, (offsets[:, None] + beyond).ravel()])
     row, column = camera.pixel_of_directions(rays_around(cone, _ANGLES, every))
     row, column = row.astype(np.float32), column.astype(np.float32)
@@ -187,8 +192,8 @@ def separation_rad(one: Cone, other: Cone) -> float:
     return float(np.arccos(np.clip(one.direction @ other.direction, -1, 1)))
 
 
-def _same(one: Cone, other: Cone) -> bool:
-    near = 0.15 * min(one.angular_radius_rad, other.angular_radius_rad)
+def _same(one: Cone, other: Cone, share: float = 0.15) -> bool:
+    near = share * min(one.angular_radius_rad, other.angular_radius_rad)
     grown = abs(one.angular_radius_rad - other.angular_radius_rad)
     return separation_rad(one, other) < near and grown < near
 
@@ -199,7 +204,8 @@ def triples(candidates: list[Candidate], most: int = 4) -> list[tuple[float, lis
     Spheres of one size at nearly one distance have nearly one angular radius, and do not overlap.
     """
     scored = []
-    for three in combinations(candidates, 3):
+    whole = [candidate for candidate in candidates if candidate.coverage > _LEAST_COVERAGE]
+    for three in combinations(whole, 3):
         radii = np.log([candidate.cone.angular_radius_rad for candidate in three])
         if np.ptp(radii) > np.log(1.6):
             continue

@@ -42,14 +42,30 @@ class Ellipse:
     minor: float
     angle_deg: float
 
+    @property
+    def centre(self) -> tuple[float, float]:
+        """(x, y)."""
+        return self.x, self.y
+
+    @property
+    def axes(self) -> tuple[float, float]:
+        """The half axes, the larger first."""
+        return self.major, self.minor
+
 
 def across(
     direction: Float[np.ndarray, "3"],
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """Two unit vectors that make a right-handed frame with `direction`."""
-    other = np.eye(3)[np.argmin(np.abs(direction))]
-    first = normalised(np.cross(other, direction))
-    return first, np.cross(direction, first)
+    """Two unit vectors that make a right-handed frame with `direction`.
+
+    They turn smoothly with it as long as its z keeps its sign (Duff et al., JCGT 2017).
+    """
+    x, y, z = (float(value) for value in direction)
+    sign = 1.0 if z >= 0 else -1.0
+    a = -1 / (sign + z)
+    b = x * y * a
+    first = np.array([1 + sign * x * x * a, sign * b, -sign * x])
+    return first, np.array([b, sign + y * y * a, -y])
 
 
 def rays_around(

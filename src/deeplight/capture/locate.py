@@ -34,12 +34,12 @@ __all__ = ["LocateSettings", "Located", "NotLocated", "TagRig", "locate"]
 
 LEAST_FRAMES = 8  # fewer do not tell what stays from what moves
 LEAST_TRAVEL = 0.02  # of the picture's shorter side, that the world must move by in the clip
-_LEAST_SCORE = 0.25  # of three circles together (`triples`)
-_LEAST_SUPPORT = 0.35  # share of the outline that the frames must show to be there
+_LEAST_SCORE = 0.3  # of three circles together (`triples`)
+_LEAST_SUPPORT = 0.2  # share of the outline that the frames must show to be there
 _LEAST_SEEN = 0.5  # share of the outline that must lie inside the picture
 _LEAST_CONFIDENCE = 0.8  # in the names
 _LARGEST_ERROR = 0.13  # of pixel values, with which the mirror explains the others
-_NAMING_FRAMES = 5
+_NAMING_FRAMES = 4
 _SAVED_SHIFT = 0.25  # how far, in radii, a saved rig's sphere may have moved
 
 _EXPECTED = "a mirror, a matte silver and a diffuse sphere that stay in the frame"
@@ -127,8 +127,11 @@ def _checked(clip: _Clip, cones: list[Cone], method: Literal["flow"]) -> Located
     if naming.confidence < _LEAST_CONFIDENCE:
         return f"three spheres, but not which is which (sure to {naming.confidence:.0%})"
     named = dict(zip(naming.names, outlines, strict=True))
-    mirror, warnings = even_sizes(named, frames, clip.camera)
-    named["mirror"] = mirror
+    start = cones[naming.names.index("mirror")]
+    named["mirror"], warnings = even_sizes(named, start, frames, clip.camera)
+    fault = _fault(list(named.values()))
+    if fault:
+        return fault
     return _located(clip, named, naming.confidence, method, warnings)
 
 
@@ -144,7 +147,7 @@ def _fault(outlines: list[Outline]) -> str | None:
             if between < 0.95 * (one.cone.angular_radius_rad + other.cone.angular_radius_rad):
                 return "circles that overlap"
     radii = [outline.cone.angular_radius_rad for outline in outlines]
-    return "circles of different sizes" if max(radii) > 1.5 * min(radii) else None
+    return "circles of different sizes" if max(radii) > 1.3 * min(radii) else None
 
 
 def _colour_frames(clip: _Clip) -> list[np.ndarray]:

@@ -15,8 +15,9 @@ from jaxtyping import Float, UInt8
 from deeplight.camera import PinholeCamera
 from deeplight.io.video import Still
 
-WORKING_SIDE = 320  # pixels of the shorter side where flow and edges are looked at
+WORKING_SIDE = 320  # pixels, roughly, of the shorter side where flow and edges are looked at
 KEPT = 24  # frames kept of a clip: at least so many, if it has them, and at most twice
+_PAIR_EVERY = 4  # kept frames from one pair for optical flow to the next
 _LARGE_FRAME = 2.1e6  # pixels (1080 x 1920) above which fewer frames are kept
 _SOFT_STEP = 2.0  # grey levels per working pixel below which a gradient is mostly noise
 
@@ -28,15 +29,13 @@ class Sample:
     Attributes:
         stills: the kept frames, in order.
         small: the same, at the working scale.
-        before: the frame before each of them, at the working scale.
-        scale: working pixels per pixel.
+        pairs: some neighbouring frames, at the working scale.
         count: how many frames the clip has.
     """
 
     stills: list[Still]
     small: list[UInt8[np.ndarray, "height width"]]
-    before: list[UInt8[np.ndarray, "height width"]]
-    scale: float
+    pairs: list[tuple[UInt8[np.ndarray, "height width"], UInt8[np.ndarray, "height width"]]]
     count: int
 
     def working_camera(self, camera: PinholeCamera) -> PinholeCamera:
@@ -52,13 +51,11 @@ class Evidence:
     Attributes:
         edge_x, edge_y: a vector across the edge that stays there; its length is 0 where
             gradients come and go and nears 1 where every frame has the same edge.
-        speed: mean length of the optical flow, working pixels per frame.
         travel_px: how far the moving half of the picture moved in the whole clip, working pixels.
     """
 
     edge_x: Float[np.ndarray, "height width"]
     edge_y: Float[np.ndarray, "height width"]
-    speed: Float[np.ndarray, "height width"]
     travel_px: float
 
     @property
@@ -73,36 +70,34 @@ def gather(stills: Iterable[Still]) -> Sample:
     Every `step`-th frame is kept; when twice the wanted number has come together every other
     one is dropped again and the step doubles.
     """
-    kept: list[tuple[Still, np.ndarray, np.ndarray]] = []
-    step, count, scale, wanted = 1, 0, 1.0, KEPT
+    kept: list[tuple[Still, np.ndarray, np.ndarray | None]] = []
+    step, count, shrink, wanted = 1, 0, 1, KEPT
     previous: Still | None = None
     for still in stills:
         if not count:
-            scale = min(1.0, WORKING_SIDE / min(still.luma.shape))
+            shrink = max(1, round(min(still.luma.shape) / WORKING_SIDE))
             wanted = int(np.clip(KEPT * _LARGE_FRAME / still.luma.size, 8, KEPT))
         if count % step == 0:
-            kept.append((still, shrunk(still.luma, scale), shrunk((previous or still).luma, scale)))
+            paired = previous is not None and len(kept) % _PAIR_EVERY == 0
+            before = shrunk(previous.luma, shrink) if previous and paired else None
+            kept.append((still, shrunk(still.luma, shrink), before))
             if len(kept) >= 2 * wanted:
                 kept, step = kept[::2], 2 * step
         previous, count = still, count + 1
-    return Sample(
-        [s for s, _, _ in kept], [a for _, a, _ in kept], [b for *_, b in kept], scale, count
-    )
+    pairs = [(before, after) for _, after, before in kept if before is not None]
+    return Sample([s for s, _, _ in kept], [a for _, a, _ in kept], pairs, count)
 
 
-def shrunk(luma: UInt8[np.ndarray, "h w"], scale: float) -> UInt8[np.ndarray, "height width"]:
-    """The picture at the working scale, as an area average."""
-    if scale >= 1:
-        return luma.copy()
-    size = (round(luma.shape[1] * scale), round(luma.shape[0] * scale))
+def shrunk(luma: UInt8[np.ndarray, "h w"], factor: int) -> UInt8[np.ndarray, "height width"]:
+    """The picture at a whole fraction of its size, as an area average."""
+    size = (round(luma.shape[1] / factor), round(luma.shape[0] / factor))
     return cv2.resize(luma, size, interpolation=cv2.INTER_AREA)
 
 
 def evidence(sample: Sample) -> Evidence:
     """Look at the sampled frames for edges that stay and for motion."""
     edge_x, edge_y = persistent_edges(sample.small)
-    speed, typical = flow_speed(sample.small, sample.before)
-    return Evidence(edge_x, edge_y, speed, typical * sample.count)
+    return Evidence(edge_x, edge_y, flow_speed(sample.pairs) * sample.count)
 
 
 def persistent_edges(
@@ -134,17 +129,13 @@ def persistent_edges(
 
 
 def flow_speed(
-    frames: list[UInt8[np.ndarray, "height width"]],
-    before: list[UInt8[np.ndarray, "height width"]],
-) -> tuple[Float[np.ndarray, "height width"], float]:
-    """Mean optical flow of each pixel and of the moving half of the picture, pixels per frame."""
+    pairs: list[tuple[UInt8[np.ndarray, "height width"], UInt8[np.ndarray, "height width"]]],
+) -> float:
+    """Length of the optical flow in the faster part of the picture, pixels per frame."""
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
-    start = np.zeros((*frames[0].shape, 2), np.float32)
-    speeds = []
-    for one, other in zip(before[1:], frames[1:], strict=True):  # the first has nothing before it
-        dx, dy = np.moveaxis(flow.calc(one, other, start.copy()), -1, 0)
-        speeds.append(cv2.magnitude(dx, dy))
-    if not speeds:
-        return np.zeros(frames[0].shape, np.float32), 0.0
-    typical = [np.percentile(speed[::4, ::4], 75) for speed in speeds]
-    return np.mean(speeds, axis=0), float(np.mean(typical))
+    typical = []
+    for one, other in pairs:
+        start = np.zeros((*one.shape, 2), np.float32)
+        dx, dy = np.moveaxis(flow.calc(one, other, start), -1, 0)
+        typical.append(np.percentile(np.hypot(dx[::4, ::4], dy[::4, ::4]), 75))
+    return float(np.mean(typical)) if typical else 0.0

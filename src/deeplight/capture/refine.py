@@ -8,6 +8,7 @@ the cone is then fitted to all spokes robustly, which leaves out the stalk and t
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,9 +18,11 @@ from deeplight.camera import PinholeCamera
 from deeplight.capture.conic import Cone, moved, pixel_scale, rays_around
 
 SPOKES = 144
+MOST_FRAMES = 24  # looked at, more or less
 _ANGLES = np.arange(SPOKES) * (2 * np.pi / SPOKES)
 _STEP_PX = 0.5  # between samples of a profile
-_EDGE_SIGMA_PX = 0.6  # how sharp a camera draws an edge
+_SHARPNESS_PX = (0.4, 0.6, 0.9)  # how sharp a camera and its compression may draw an edge
+_CLEAR = 0.1  # how much better, as a logarithm, an edge explains a spoke than no edge does
 _NOISE = 1.0  # grey levels of noise that no model explains
 
 Profiles = Float[np.ndarray, "frames spokes samples"]
@@ -31,7 +34,7 @@ class Outline:
 
     Attributes:
         cone: where the sphere is.
-        support: share of all spokes on whose edge the outline passes within a pixel.
+        support: share of all spokes with a clear edge that the outline passes within a pixel.
         seen: share of the outline that lies inside the picture.
         scatter_px: spread of those edges about the outline.
     """
@@ -77,16 +80,18 @@ def _fine(
     camera: PinholeCamera,
     grow: bool,
 ) -> Outline:
-    reach = float(np.clip(0.15 * cone.angular_radius_rad * pixel_scale(camera), 3.0, 6.0))
+    reach = float(np.clip(0.15 * cone.angular_radius_rad * pixel_scale(camera), 4.5, 6.0))
     for last in (False, False, True):
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-0.7 * reach, reach))
         if not inside.any():
             return Outline(cone, 0.0, 0.0, np.inf)
-        places, cost = step_cost(profiles, offsets)
+        sigma = min(_SHARPNESS_PX, key=lambda s: step_cost(profiles, offsets, s)[1].min(1).mean())
+        places, cost = step_cost(profiles, offsets, sigma)
         best = places[cost.argmin(axis=1)]
         if not last:
             cone = _moved_to_best(cone, places, cost, inside, camera, grow)
-    hits = (np.abs(best) < 1.0) & inside
+    clear = np.median(cost, axis=1) - cost.min(axis=1) > _CLEAR
+    hits = (np.abs(best) < 1.0) & inside & clear
     scatter = float(np.median(np.abs(best[hits])) * 1.48) if hits.any() else np.inf
     return Outline(cone, float(hits.mean()), float(inside.mean()), scatter)
 
@@ -143,7 +148,8 @@ def profiles_across(
     offsets = np.arange(inner, outer + 1) * _STEP_PX
     rays = rays_around(cone, _ANGLES, offsets / pixel_scale(camera))
     row, column = (a.astype(np.float32) for a in camera.pixel_of_directions(rays))
-    profiles = np.stack([cv2.remap(f, column, row, cv2.INTER_LINEAR) for f in frames])
+    seen_by = frames[:: max(1, round(len(frames) / MOST_FRAMES))]
+    profiles = np.stack([cv2.remap(f, column, row, cv2.INTER_LINEAR) for f in seen_by])
     inside = (row > 0) & (row < camera.height - 1) & (column > 0) & (column < camera.width - 1)
     seen: np.ndarray = np.all(inside, axis=1)
     return profiles.astype(np.float32), offsets, seen
@@ -174,7 +180,7 @@ def split_cost(
     return places, np.stack(cost, axis=1)
 
 
-def _unexplained(sums: list[np.ndarray]) -> np.ndarray:
+def _unexplained(sums: list[Any]) -> np.ndarray:
     """Sum of squares left by the best straight line, from sums of 1, x, xx, y, xy and yy."""
     n, x, xx, y, xy, yy = sums
     spread_x, shared = xx - x * x / n, xy - x * y / n
@@ -182,10 +188,10 @@ def _unexplained(sums: list[np.ndarray]) -> np.ndarray:
 
 
 def step_cost(
-    profiles: Profiles, offsets: Float[np.ndarray, "samples"]
+    profiles: Profiles, offsets: Float[np.ndarray, "samples"], sigma_px: float
 ) -> tuple[Float[np.ndarray, "places"], Float[np.ndarray, "spokes places"]]:
-    """How badly a sharp step at each place explains the profiles; fine."""
-    places, bases = _step_models(tuple(offsets))
+    """How badly a step at each place explains the profiles; fine."""
+    places, bases = _step_models(tuple(offsets), sigma_px)
     frames, spokes, samples = profiles.shape
     flat = (profiles - profiles.mean(axis=2, keepdims=True)).reshape(-1, samples)
     energy = (flat**2).sum(axis=1)
@@ -196,8 +202,10 @@ def step_cost(
     return places, cost
 
 
-@lru_cache(maxsize=16)
-def _step_models(offsets: tuple[float, ...]) -> tuple[np.ndarray, list[np.ndarray]]:
+@lru_cache(maxsize=64)
+def _step_models(
+    offsets: tuple[float, ...], sigma_px: float
+) -> tuple[np.ndarray, list[np.ndarray]]:
     """Places to try, and for each an orthonormal basis of the profiles with a step there.
 
     Outside: level and slope. Inside: level, slope, and the square root that the shading of any
@@ -207,7 +215,7 @@ def _step_models(offsets: tuple[float, ...]) -> tuple[np.ndarray, list[np.ndarra
     x = np.array(offsets)
     step = x[1] - x[0]
     dense = np.arange(x[0] - 2, x[-1] + 2 + 1e-9, step / fine)
-    kernel = np.exp(-0.5 * (np.arange(-30, 31) * step / fine / _EDGE_SIGMA_PX) ** 2)
+    kernel = np.exp(-0.5 * (np.arange(-30, 31) * step / fine / sigma_px) ** 2)
     kernel /= kernel.sum()
     reach = 0.5 * min(-x[0], x[-1])
     places = np.arange(-reach, reach + 1e-9, 0.125)

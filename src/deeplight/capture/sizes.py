@@ -23,18 +23,25 @@ _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
 
 def even_sizes(
     named: dict[str, Outline],
+    start: Cone,
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
 ) -> tuple[Outline, tuple[str, ...]]:
-    """The mirror's outline with a size between its own and the one that the others expect."""
-    own = named["mirror"].cone
+    """The mirror's outline with a size between its own and the one that the others expect.
+
+    The less the two others differ, the more they count. A mirror of quite another size than
+    expected is looked for again at `start`, where it was first thought to be.
+    """
+    own = named["mirror"]
     expected, spread = expected_radius(named)
-    gap = float(np.log(expected / own.angular_radius_rad))
+    gap = float(np.log(expected / own.cone.angular_radius_rad))
     if not -_OUTWARD < gap - _USUAL_LOSS < _INWARD:
-        return named["mirror"], ("the mirror's size was found without the others' help",)
+        again = refine_place(Cone(start.direction, expected), frames, camera)
+        better = again if again.support > own.support else own
+        return better, ("the mirror seems to be of another size than the others",)
     share = _OWN_SPREAD**2 / (_OWN_SPREAD**2 + spread**2)
-    radius = float(own.angular_radius_rad * np.exp(share * gap))
-    return refine_place(Cone(own.direction, radius), frames, camera), ()
+    radius = float(own.cone.angular_radius_rad * np.exp(share * gap))
+    return refine_place(Cone(own.cone.direction, radius), frames, camera), ()
 
 
 def expected_radius(named: dict[str, Outline]) -> tuple[float, float]:

@@ -1,0 +1,235 @@
+"""Each step of finding the spheres by itself, on drawn pictures."""
+
+import pickle
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeplight.camera import PinholeCamera
+from deeplight.frames import looking_at, normalised, rotation, turned
+from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
+
+cv2 = pytest.importorskip("cv2")
+
+from deeplight.camera_response import encode  # noqa: E402
+from deeplight.capture.candidates import find_candidates, separation_rad, triples  # noqa: E402
+from deeplight.capture.conic import Cone, pixel_scale  # noqa: E402
+from deeplight.capture.located import NotLocated, TagRig, cones_of  # noqa: E402
+from deeplight.capture.materials import name_spheres  # noqa: E402
+from deeplight.capture.motion import Evidence, persistent_edges  # noqa: E402
+from deeplight.capture.refine import Outline, refine  # noqa: E402
+from deeplight.capture.rig_file import read_rig_file, write_rig_file  # noqa: E402
+from deeplight.capture.sizes import expected_radius  # noqa: E402
+from deeplight.capture.tag import cones_beside_tag, tag_corners  # noqa: E402
+from deeplight.errors import DataSetError  # noqa: E402
+from deeplight.lighting import Lighting  # noqa: E402
+from deeplight.reflectance import analytic_basis  # noqa: E402
+from deeplight.relight import relight  # noqa: E402
+
+CAMERA = PinholeCamera(180, 320, np.radians(66))
+
+
+def covered(cone: Cone, camera: PinholeCamera = CAMERA) -> np.ndarray:
+    """Share of each pixel inside the outline, with a sharp edge of about a pixel."""
+    angle = np.arccos(np.clip(camera.rays() @ cone.direction, -1, 1))
+    slope = np.hypot(*np.gradient(angle))
+    return np.clip((cone.angular_radius_rad - angle) / slope + 0.5, 0, 1)
+
+
+def frames_of(cones: list[Cone], count: int = 12, seed: int = 0) -> list[np.ndarray]:
+    """Flat discs that stay before a texture that differs in every frame."""
+    rng = np.random.default_rng(seed)
+    result = []
+    for _ in range(count):
+        coarse = rng.uniform(20, 235, (20, 12)).astype(np.float32)
+        frame = cv2.resize(coarse, (CAMERA.width, CAMERA.height), interpolation=cv2.INTER_CUBIC)
+        for i, cone in enumerate(cones):
+            share = covered(cone)
+            frame = frame * (1 - share) + share * (60 + 60 * i)
+        result.append(np.clip(frame + rng.normal(0, 1.5, frame.shape), 0, 255).astype(np.uint8))
+    return result
+
+
+def cone_at(x: float, y: float, degrees: float) -> Cone:
+    return Cone(normalised(np.array([x, y, -1.0])), float(np.radians(degrees)))
+
+
+THREE = [cone_at(-0.2, -0.4, 4.0), cone_at(0.01, -0.42, 4.1), cone_at(0.22, -0.4, 3.9)]
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("growth", [0.0, 0.4])
+def test_refine_follows_a_shift_and_a_growth_of_part_of_a_pixel(
+    shift: float, growth: float
+) -> None:
+    pixel = 1 / pixel_scale(CAMERA)
+    true = cone_at(0.1 + shift * pixel, -0.4, 4.0 + np.degrees(growth * pixel))
+    start = cone_at(0.1 + 2 * pixel, -0.4 - 1.5 * pixel, 4.2)
+    outline = refine(start, frames_of([true]), CAMERA)
+    assert separation_rad(outline.cone, true) < 0.12 * pixel
+    assert abs(outline.cone.angular_radius_rad - true.angular_radius_rad) < 0.12 * pixel
+    assert outline.support > 0.8
+
+
+def test_refine_ignores_a_stalk_and_a_hand_in_some_frames() -> None:
+    frames = frames_of([THREE[1]])
+    (row,), (column,) = CAMERA.pixel_of_directions(THREE[1].direction[None])
+    for i, frame in enumerate(frames):
+        cv2.line(frame, (int(column), int(row) + 15), (int(column), 319), 200, 5)
+        if i % 4 == 0:
+            cv2.circle(frame, (int(column) - 20, int(row)), 18, 90, -1)
+    outline = refine(cone_at(0.012, -0.415, 4.3), frames, CAMERA)
+    assert separation_rad(outline.cone, THREE[1]) * pixel_scale(CAMERA) < 0.25
+    assert outline.cone.angular_radius_rad == pytest.approx(THREE[1].angular_radius_rad, rel=0.015)
+
+
+def test_an_outline_that_is_not_there_has_no_support() -> None:
+    assert refine(cone_at(0.0, 0.3, 4.0), frames_of(THREE), CAMERA).support < 0.15
+
+
+def found_in(frames: list[np.ndarray]) -> list[Cone]:
+    x, y = persistent_edges(frames)
+    options = triples(find_candidates(Evidence(x, y, 1.0), CAMERA))
+    return [c.cone for c in options[0][1]] if options else []
+
+
+def test_three_discs_that_stay_are_found_and_flipping_flips_them() -> None:
+    frames = frames_of(THREE, 16)
+    found = sorted(found_in(frames), key=lambda c: c.direction[0])
+    flipped = sorted(found_in([f[:, ::-1].copy() for f in frames]), key=lambda c: -c.direction[0])
+    assert len(found) == len(flipped) == 3
+    for cone, other, true in zip(found, flipped, THREE, strict=True):
+        assert separation_rad(cone, true) * pixel_scale(CAMERA) < 1.0
+        mirrored = Cone(other.direction * [-1, 1, 1], other.angular_radius_rad)
+        assert separation_rad(cone, mirrored) * pixel_scale(CAMERA) < 0.5
+
+
+def test_two_discs_are_not_three() -> None:
+    assert found_in(frames_of(THREE[:2], 16)) == []
+
+
+def lit_frames(order: tuple[str, ...], stops: float) -> tuple[list[Cone], list[np.ndarray]]:
+    """Three spheres in one light with a lamp and a window, pasted where the cones are."""
+    rng = np.random.default_rng(5)
+    radiance = cv2.resize(rng.uniform(0.02, 0.5, (8, 8, 3)), (16, 16)).astype(np.float32)
+    radiance[2:4, 6:8] = 6.0
+    radiance[9:12, 3:5] = 1.5
+    lighting = Lighting(radiance * 2.0**stops)
+    frame = np.full((CAMERA.height, CAMERA.width, 3), 90, np.uint8)
+    for name, cone in zip(order, THREE, strict=True):
+        view = SphereView(looking_at(cone.direction), cone.angular_radius_rad, 16)
+        ball = relight(analytic_basis(name, view, 16), lighting)
+        pixels = encode(np.minimum(ball, 1.0)) * 255
+        rays = turned(CAMERA.rays(), view.ball_from_camera)
+        half = np.tan(cone.angular_radius_rad)
+        u, v = rays[..., 0] / -rays[..., 2] / half, rays[..., 1] / -rays[..., 2] / half
+        column, row = (u + 1) * 8 - 0.5, (1 - v) * 8 - 0.5
+        seen = cv2.remap(
+            pixels, column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR
+        )
+        inside = covered(cone) > 0.5
+        frame[inside] = seen[inside].astype(np.uint8)
+    return list(THREE), [frame]
+
+
+@pytest.mark.parametrize(
+    ("order", "stops"),
+    [(order, 0.0) for order in permutations(SPHERES)] + [(SPHERES, -2.0), (SPHERES[::-1], 1.5)],
+)
+def test_names_follow_the_spheres_in_any_order_and_exposure(
+    order: tuple[str, ...], stops: float
+) -> None:
+    naming = name_spheres(*lit_frames(order, stops), CAMERA)
+    assert naming.names == order
+    assert naming.confidence > 0.8
+
+
+def test_three_alike_have_no_sure_names() -> None:
+    cones, frames = lit_frames(SPHERES, 0.0)
+    frames[0][:] = 128
+    assert name_spheres(cones, frames, CAMERA).confidence < 0.8
+
+
+def test_a_rig_file_gives_the_rig_back(tmp_path: Path) -> None:
+    write_rig_file(tmp_path / "rig.json", PAPER_RIG)
+    again = read_rig_file(tmp_path / "rig.json")
+    assert not isinstance(again, TagRig)
+    assert again.to_dict() == PAPER_RIG.to_dict()
+    write_rig_file(tmp_path / "tag.json", TAG_RIG)
+    tag = read_rig_file(tmp_path / "tag.json")
+    assert isinstance(tag, TagRig)
+    assert tag.tag_id == TAG_RIG.tag_id
+    assert all((tag.centres_m[n] == TAG_RIG.centres_m[n]).all() for n in SPHERES)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "3", "{", '{"name": "x"}', '{"tag": {}, "spheres": {}}', '{"tag": 1}', "[" * 99_999]
+    + ['{"name": "x", "spheres": {"mirror": {"ball_from_camera": [[NaN]]}}}'],
+)
+def test_a_broken_rig_file_is_one_line(text: str, tmp_path: Path) -> None:
+    (tmp_path / "rig.json").write_text(text)
+    with pytest.raises(DataSetError) as caught:
+        read_rig_file(tmp_path / "rig.json")
+    assert "\n" not in str(caught.value)
+
+
+TAG_RIG = TagRig(
+    7,
+    0.05,
+    {name: np.array([0.1 * (i - 1), 0.08, 0.01]) for i, name in enumerate(SPHERES)},
+    dict.fromkeys(SPHERES, 0.08),
+)
+TAG_CAMERA = PinholeCamera(540, 960, np.radians(66))
+
+
+def drawn_tag(camera_from_tag: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """A grey frame with tag 7 of 5 cm in it, by homography."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    pixels = np.pad(cv2.aruco.generateImageMarker(family, 7, 200), 25, constant_values=255)
+    half = 0.025 * 250 / 200
+    square = half * np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
+    row, column = TAG_CAMERA.pixel_of_directions(square @ camera_from_tag.T + origin)
+    source = np.array([[-0.5, -0.5], [249.5, -0.5], [249.5, 249.5], [-0.5, 249.5]], np.float32)
+    target = np.stack([column, row], axis=1).astype(np.float32)
+    matrix = cv2.getPerspectiveTransform(source, target)
+    size = (TAG_CAMERA.width, TAG_CAMERA.height)
+    return cv2.warpPerspective(pixels, matrix, size, flags=cv2.INTER_AREA, borderValue=150)
+
+
+def test_a_drawn_tag_tells_where_the_spheres_are() -> None:
+    camera_from_tag = rotation("y", 0.25) @ rotation("x", -0.3)
+    origin = np.array([0.02, -0.15, -0.55])
+    frame = drawn_tag(camera_from_tag, origin)
+    corners = tag_corners([frame], 7)
+    assert corners is not None
+    cones = cones_beside_tag(corners, TAG_RIG, TAG_CAMERA)
+    assert cones is not None
+    for name, cone in cones.items():
+        true = camera_from_tag @ TAG_RIG.centres_m[name] + origin
+        assert np.degrees(np.arccos(cone.direction @ normalised(true))) < 0.5
+        expected = np.arcsin(0.04 / np.linalg.norm(true))
+        assert cone.angular_radius_rad == pytest.approx(expected, rel=0.03)
+    assert tag_corners([frame], 8) is None
+
+
+def test_the_mirror_is_expected_as_large_as_the_others_or_in_their_row() -> None:
+    even = {n: Outline(c, 1.0, 1.0, 0.1) for n, c in cones_of(PAPER_RIG).items()}
+    radius = PAPER_RIG.views["mirror"].angular_radius_rad
+    assert expected_radius(even)[0] == pytest.approx(radius, rel=1e-9)
+    # The same centres on a plane across the view: those at the side are farther away.
+    flat = {
+        n: Cone(c.direction, float(np.arcsin(0.07 * -c.direction[2])))
+        for n, c in cones_of(PAPER_RIG).items()
+    }
+    row = {n: Outline(c, 1.0, 1.0, 0.1) for n, c in flat.items()}
+    assert expected_radius(row)[0] == pytest.approx(flat["mirror"].angular_radius_rad, rel=1e-3)
+
+
+def test_not_located_travels_between_processes_with_its_picture() -> None:
+    error = NotLocated("a", "b", "c", np.zeros((2, 2, 3), np.uint8))
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert again.overlay.shape == (2, 2, 3)
