@@ -1,0 +1,128 @@
+"""How fast `deeplight capture` is on one core, against decoding and dense optical flow alone.
+
+    python benchmarks/capture_speed.py CLIP [--repeat 15] [--workers]
+
+The clip is repeated to a longer one without coding it again. Times are processor time, so that
+other programs on the machine matter little; flow is timed on the first 60 frames. Each measurement
+is its own process, with one thread. Peak memory is measured for the clip and for one of four times its length. With --workers the wall
+time of four clips is measured too, on one worker and on two: only a quiet machine gives 2.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import av
+
+FLOW = """
+import cv2, json, resource, sys, time
+from deeplight.capture.motion import WORKING_SIDE, shrunk
+from deeplight.io.video import stills
+cv2.setNumThreads(1)
+flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+start, last, count = time.process_time(), None, 0
+for still in stills(sys.argv[1]):
+    small = shrunk(still.luma, WORKING_SIDE / min(still.luma.shape))
+    if last is not None:
+        flow.calc(last, small, None)
+    last, count = small, count + 1
+    if count == 60:
+        break
+seconds = time.process_time() - start
+memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+print(json.dumps({"frames": count, "seconds": seconds, "MB": memory}))
+"""
+
+CAPTURE = """
+import cv2, json, resource, sys, time
+from pathlib import Path
+from deeplight.capture.catalogue import find_clips
+from deeplight.capture.clip import CaptureSettings
+from deeplight.capture.run import capture, plan
+from deeplight.engine import Engine
+cv2.setNumThreads(1)
+read, kept, workers = [], [], int(sys.argv[3])
+def done(outcome):
+    assert not outcome.reason, outcome.reason
+    read.append(outcome.read), kept.append(outcome.kept)
+if __name__ == "__main__":
+    start, wall = time.process_time(), time.perf_counter()
+    what = plan(find_clips([Path(sys.argv[1])]), Path(sys.argv[2]), CaptureSettings())
+    capture(what, Engine(workers=workers), done)
+    seconds, wall = time.process_time() - start, time.perf_counter() - wall
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+    counts = {"frames": sum(read), "kept": sum(kept)}
+    print(json.dumps({**counts, "seconds": seconds, "wall": wall, "MB": memory}))
+"""
+
+
+def longer(clip: Path, out: Path, times: int) -> Path:
+    """The clip so many times in a row; its packets are copied."""
+    with av.open(str(out), "w") as target:
+        stream, shift = None, 0
+        for _ in range(times):
+            with av.open(str(clip)) as source:
+                video = source.streams.video[0]
+                stream = stream or target.add_stream_from_template(video)
+                end = 0
+                for packet in source.demux(video):
+                    if packet.dts is None:
+                        continue
+                    end = max(end, packet.pts + packet.duration)
+                    packet.pts, packet.dts, packet.stream = (
+                        packet.pts + shift,
+                        packet.dts + shift,
+                        stream,
+                    )
+                    target.mux(packet)
+                shift += end
+    return out
+
+
+def measured(folder: Path, code: str, *words: str) -> dict[str, float]:
+    """Run Python code in its own process; give what it prints."""
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    program = folder / "program.py"
+    program.write_text(code)
+    command = [sys.executable, str(program), *words]
+    done = subprocess.run(
+        command, env={**os.environ, **threads}, stdout=subprocess.PIPE, text=True, check=True
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("clip", type=Path)
+    parser.add_argument("--repeat", type=int, default=15)
+    parser.add_argument("--workers", action="store_true")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        long = longer(args.clip, folder / "long.mp4", args.repeat)
+        short = longer(args.clip, folder / "short.mp4", max(1, args.repeat // 4))
+        flow = measured(folder, FLOW, str(long))
+        both = [measured(folder, CAPTURE, str(c), str(folder / c.stem), "1") for c in (short, long)]
+        speed, alone = both[1]["frames"] / both[1]["seconds"], flow["frames"] / flow["seconds"]
+        print(f"decoding and DIS flow alone: {alone:.1f} frames/s and core, {flow['MB']:.0f} MB")
+        print(f"capture: {speed:.1f} frames/s and core; ratio {speed / alone:.2f}")
+        for one in both:
+            told = f"{one['frames']:.0f} frames, {one['kept']:.0f} kept"
+            print(f"  {told}: {one['seconds']:.1f} s of processor time, peak {one['MB']:.0f} MB")
+        if args.workers:
+            clips = folder / "clips"
+            clips.mkdir()
+            for n in range(4):
+                longer(args.clip, clips / f"c{n}.mp4", max(1, args.repeat // 4))
+            one, two = (
+                measured(folder, CAPTURE, str(clips), str(folder / w), w)["wall"] for w in "12"
+            )
+            print(f"four clips: {one:.1f} s on one worker, {two:.1f} s on two: {one / two:.2f} x")
+
+
+if __name__ == "__main__":
+    main()
