@@ -67,12 +67,15 @@ def _outline(
 
 
 def _text(picture: Picture, text: str, x: float, y: float, colour: tuple[int, int, int]) -> None:
-    """Text on a dark edge, moved and shrunk until it lies inside the picture."""
+    """Text on a dark ground, moved and shrunk until it lies inside the picture."""
     height, width = picture.shape[:2]
     size = 0.5
     (length, tall), _ = cv2.getTextSize(text, _FONT, size, 1)
     size *= min(1.0, (width - 8) / max(length, 1))
-    length = min(length, width - 8)
+    (length, tall), below = cv2.getTextSize(text, _FONT, size, 1)
     at = (round(min(max(x, 4), width - length - 4)), round(min(max(y, tall + 4), height - 4)))
-    cv2.putText(picture, text, at, _FONT, size, (0, 0, 0), 3, cv2.LINE_AA)
+    ground = picture[
+        max(at[1] - tall - 3, 0) : at[1] + below, max(at[0] - 3, 0) : at[0] + length + 3
+    ]
+    ground //= 3
     cv2.putText(picture, text, at, _FONT, size, colour, 1, cv2.LINE_AA)

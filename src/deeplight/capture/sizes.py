@@ -18,6 +18,7 @@ _USUAL_LOSS = 0.006  # how much too small the mirror is found as a rule: rings, 
 _OWN_SPREAD = 0.015  # of the logarithm of the size of the mirror as found by itself
 _LEAST_SPREAD = 0.003  # of the sizes of spheres that are meant to be equally far away
 _INWARD, _OUTWARD = 0.07, 0.025  # how far off the mirror's own outline may be
+_SURE = 0.8  # support from which on the mirror is not looked for again
 _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
 
 
@@ -30,18 +31,22 @@ def even_sizes(
     """The mirror's outline with a size between its own and the one that the others expect.
 
     The less the two others differ, the more they count. A mirror of quite another size than
-    expected is looked for again at `start`, where it was first thought to be.
+    expected, or with little of an outline, is looked for again at `start`, where it was thought to
+    be at first.
     """
     own = named["mirror"]
     expected, spread = expected_radius(named)
     gap = float(np.log(expected / own.cone.angular_radius_rad))
     if not -_OUTWARD < gap - _USUAL_LOSS < _INWARD:
         again = refine_place(Cone(start.direction, expected), frames, camera)
-        better = again if again.support > own.support else own
+        as_good = again.support > (own.support if spread > _UNEVEN else 0.7 * own.support)
+        better = again if as_good else own
         return better, ("the mirror seems to be of another size than the others",)
     share = _OWN_SPREAD**2 / (_OWN_SPREAD**2 + spread**2)
     radius = float(own.cone.angular_radius_rad * np.exp(share * gap))
-    return refine_place(Cone(own.cone.direction, radius), frames, camera), ()
+    places = [own.cone] if own.support > _SURE else [own.cone, start]
+    options = [refine_place(Cone(at.direction, radius), frames, camera) for at in places]
+    return max(options, key=lambda outline: outline.support), ()
 
 
 def expected_radius(named: dict[str, Outline]) -> tuple[float, float]:
