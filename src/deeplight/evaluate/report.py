@@ -16,7 +16,6 @@ from deeplight.evaluate.scores import TRUE_LIGHTING
 from deeplight.io.page import Block, Figure, Heading, Page, Paragraph, Row, Table
 
 MOST_COLUMNS = 10  # of spheres that fit beside each other
-WORST_PX = 400
 SCENES = ("indoor", "outdoor")
 
 
@@ -110,7 +109,10 @@ def _split(result: SplitResult, shown: Pictures) -> Iterator[Block]:
     yield Heading(f"{split}: the same photos under every estimator")
     yield Figure(shown.comparison, "Diffuse, matte silver and mirror from top to bottom.")
     yield Heading(f"{split}: the worst places")
-    yield Row([Figure(picture, told, width_px=WORST_PX) for told, picture in shown.worst])
+    yield Row(
+        [Figure(picture, told) for told, picture in shown.worst],
+        "The worst photo of each of the worst places, with its L1 of diffuse / silver / mirror.",
+    )
     if result.protocols:
         yield Heading(f"{split}: three-sphere protocol of StyleLight and DiffusionLight")
         yield from tables.protocol_tables(result)
@@ -131,7 +133,4 @@ def _told(result: SplitResult, position: int) -> str:
     report = result.report
     scores = report.scores[result.methods[0]]
     l1 = " / ".join(f"{scores.l1[s][position]:.2f}" for s in ("diffuse", "matte_silver", "mirror"))
-    return (
-        f"{report.places[position]} ({report.scenes[position]}): "
-        f"L1 diffuse / silver / mirror {l1}. Example {report.keys[position]}."
-    )
+    return f"{report.places[position]}, {report.scenes[position]}: {l1}"
