@@ -14,7 +14,7 @@ EXTRAS := capture,cluster,dev,heic,render,train
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint ci bench results clean
+.PHONY: help run test lint ci bench results round-trip clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
@@ -23,6 +23,7 @@ help:
 	@echo "make ci     what CI runs: lint and test"
 	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
 	@echo "make results evaluate the model on DATA and rewrite the numbers in the documents"
+	@echo "make round-trip  our light in Mitsuba, Blender, three.js, Babylon.js (node, chromium)"
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.installed-base
@@ -55,8 +56,28 @@ results: $(VENV)/.installed-test
 	$(BIN)/deeplight evaluate --data $(DATA) --split $(SPLITS) --out out/evaluation
 	$(BIN)/python benchmarks/update_results.py out/evaluation
 
+# Blender's module brings its own numpy, so it gets an environment of its own, and so do the codecs.
+round-trip: $(VENV)/.installed-test .round-trip/.installed
+	DEEPLIGHT_BLENDER_PYTHON=.round-trip/blender/bin/python \
+		DEEPLIGHT_IMAGECODECS_PYTHON=.round-trip/codecs/bin/python \
+		DEEPLIGHT_NODE_MODULES=$(CURDIR)/.round-trip/node_modules \
+		$(BIN)/pytest -m slow -s --timeout 600 tests/parity/test_mitsuba_export.py \
+		tests/parity/test_blender.py tests/parity/test_three.py tests/parity/test_babylon.py \
+		tests/parity/test_ultra_hdr.py
+
+.round-trip/.installed:
+	@for program in python3.11 node npm chromium; do command -v $$program >/dev/null \
+		|| { echo "needs $$program (Debian: apt-get install nodejs npm chromium)"; exit 2; }; done
+	python3.11 -m venv .round-trip/blender
+	.round-trip/blender/bin/python -m pip install --quiet bpy==5.0.1
+	python3.11 -m venv .round-trip/codecs
+	.round-trip/codecs/bin/python -m pip install --quiet imagecodecs==2026.3.6
+	npm install --silent --prefix .round-trip three@0.187.0 playwright-core@1.65.1 \
+		babylonjs@9.34.0 babylonjs-loaders@9.28.0
+	@touch $@
+
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
+	rm -rf .round-trip $(VENV) .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
 
 # Stamps, so that a second `make` starts at once and a changed dependency list installs again.
 

@@ -114,10 +114,11 @@ def assert_right(theirs: Balls, tool: str) -> None:
 
 def keep(balls: Balls, name: str) -> None:
     """Save both balls for the documents' picture, where a folder is named for them."""
-    if folder := os.environ.get("DEEPLIGHT_ROUND_TRIP_PICTURES"):
-        linear = np.concatenate([balls.diffuse, balls.mirror], axis=1)
+    folder = os.environ.get("DEEPLIGHT_ROUND_TRIP_PICTURES")
+    for who, shown in ((name, balls), ("ours", our_balls())) if folder else ():
+        linear = np.concatenate([shown.diffuse, shown.mirror], axis=1)
         alpha = np.tile(VIEW.alpha(), (1, 2))[..., None]
-        write_exr(Path(folder) / f"{name}.exr", (linear * alpha).astype(np.float32))
+        write_exr(Path(str(folder)) / f"{who}.exr", (linear * alpha).astype(np.float32))
 
 
 def assert_wrong(theirs: Balls) -> None:

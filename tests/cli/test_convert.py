@@ -44,8 +44,8 @@ def convert(*words: str | Path) -> int:
         ("a.jpg", {"a.jpg"}),
         ("a.json", {"a.json", "a.exr"}),
         ("a.webxr.json", {"a.webxr.json"}),
-        ("a.py", {"a.py", "a.exr"}),
-        ("a.js", {"a.js", "a.exr"}),
+        ("a.py", {"a.py", "a.blender.exr"}),
+        ("a.js", {"a.js", "a.three.exr"}),
     ],
 )
 def test_the_suffix_tells_the_format(studio, name, written, capsys) -> None:
@@ -185,6 +185,7 @@ def test_an_unknown_suffix_is_told_before_anything_is_read(tmp_path, capsys) -> 
 
 def test_an_input_is_never_replaced(studio, labelled) -> None:
     assert convert(studio, "--out", studio, "--stops", "1") == 2
+    assert convert(studio, "--out", studio.with_suffix(".json")) == 2
     np.testing.assert_array_equal(read_hdr(studio), labelled)
 
 

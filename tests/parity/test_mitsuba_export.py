@@ -60,7 +60,7 @@ def rendered(environment: Environment, folder: Path, samples: int) -> Balls:
 
 
 def test_mitsuba_sees_the_light_as_we_do(tmp_path: Path) -> None:
-    assert_right(rendered(labelled(), tmp_path, samples=128), "Mitsuba")
+    assert_right(rendered(labelled(), tmp_path, samples=512), "Mitsuba")
 
 
 @pytest.mark.parametrize("wrong", [mirrored, quarter_turned])

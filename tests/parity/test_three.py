@@ -41,12 +41,15 @@ pytestmark = [
 ]
 
 
-def rendered(environment: Environment, folder: Path, way: str = "environment") -> Balls:
+def rendered(
+    environment: Environment, folder: Path, way: str = "environment", wrong_faces: bool = False
+) -> Balls:
     """What three.js makes of the exported files."""
     light = folder / "light.js"
     write_environment(environment, Wish(light))
     if way == "cube":
-        write_environment(environment, Wish(folder / "light.exr", mapping="cube", made_for="three"))
+        tool = "webxr" if wrong_faces else "three"
+        write_environment(environment, Wish(folder / "light.exr", mapping="cube", made_for=tool))
     if way == "gain-map":
         write_environment(environment, Wish(folder / "light.jpg", made_for="three"))
     told = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
@@ -83,3 +86,7 @@ def test_the_gain_map_jpeg_is_read_right_side_up(tmp_path: Path) -> None:
 @pytest.mark.parametrize("wrong", [mirrored, quarter_turned])
 def test_a_wrong_panorama_would_be_found_in_three(tmp_path: Path, wrong) -> None:
     assert_wrong(rendered(wrong(), tmp_path))
+
+
+def test_faces_of_another_convention_would_be_found_in_three(tmp_path: Path) -> None:
+    assert_wrong(rendered(labelled(), tmp_path, "cube", wrong_faces=True))

@@ -1,6 +1,6 @@
 """The gain-map JPEG read by libultrahdr, the format's own library (through imagecodecs).
 
-`DEEPLIGHT_BLENDER_PYTHON` names a Python that has imagecodecs; see `make round-trip`.
+`DEEPLIGHT_IMAGECODECS_PYTHON` names a Python that has imagecodecs; see `make round-trip`.
 """
 
 import importlib.util
@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from round_trips import labelled, tell
 
 from deeplight.export.files import Wish, write_environment
+from round_trips import labelled, tell
 
-PYTHON = os.environ.get("DEEPLIGHT_BLENDER_PYTHON", sys.executable)
+PYTHON = os.environ.get("DEEPLIGHT_IMAGECODECS_PYTHON", sys.executable)
 DECODE = """
 import sys, imagecodecs, numpy
 with open(sys.argv[1], "rb") as file:
@@ -27,7 +27,7 @@ LIBRARY_CLIPS_AT = 49.0
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(
-        PYTHON == sys.executable and importlib.util.find_spec("imagecodecs") is None,
+        sys.executable == PYTHON and importlib.util.find_spec("imagecodecs") is None,
         reason="needs imagecodecs: make round-trip",
     ),
 ]
@@ -51,4 +51,5 @@ def test_libultrahdr_reads_our_radiance(tmp_path: Path) -> None:
     tell(f"libultrahdr: median error {np.median(error):.4f}, 95 % {np.percentile(error, 95):.4f}")
     assert np.median(error) < 0.03
     # The twin: the picture the other way round is far off.
-    assert np.median(np.abs(back[:, ::-1] - shown) / (shown + 0.05)) > 0.1
+    wrong = np.abs(back[:, ::-1] - shown) / (shown + 0.05)
+    assert np.percentile(wrong, 75) > 0.5

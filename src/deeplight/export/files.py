@@ -25,6 +25,7 @@ from deeplight.probe import cube_from_latlong, probe_from_latlong, resized, unfo
 
 LARGEST_SIZE = 8192
 PICTURES = ("exr", "hdr", "jpg")
+SCRIPTS = ("blender", "three")
 WITHOUT_VIEW = frozenset({"mirror-ball", "angular", "cross", "horizontal-cross"})
 """Mappings whose middle is the view (or its opposite) by definition, so that no tool turns them."""
 
@@ -34,8 +35,8 @@ class Wish:
     """What to write.
 
     Attributes:
-        path: of the file; a cube's six get `_px` and so on before the suffix, a script and a
-            `.json` an `.exr` of the same name beside them.
+        path: of the file; a cube's six get `_px` and so on before the suffix, a script an
+            `.exr` of its name and tool beside it, a `.json` an `.exr` of its name.
         format: one of `FORMATS`; left out, the suffix tells.
         mapping: of a picture, any `probe.Mapping`.
         made_for: the tool to turn it for.
@@ -50,6 +51,8 @@ class Wish:
 
     def __post_init__(self) -> None:
         kind = self.kind
+        if kind == "json" and self.path.suffix.lower() != ".json":
+            raise ConfigError("--out ending in .json", f"{self.path}", "rename it")
         if self.mapping != "latlong" and kind not in PICTURES:
             got = f"{self.mapping} for {kind}"
             raise ConfigError(f"a picture ({', '.join(PICTURES)}) of that mapping", got, "drop one")
@@ -77,11 +80,26 @@ class Wish:
         expected = f"--out ending in {' '.join(SUFFIXES)}"
         raise ConfigError(expected, f"{self.path}", "rename it or give --format")
 
+    @property
+    def files(self) -> list[Path]:
+        """What will be written."""
+        if self.kind == "json":
+            return [self.path, self.path.with_suffix(".exr")]
+        if self.kind in SCRIPTS:
+            return [self.path, self.path.with_suffix(f".{self.kind}.exr")]
+        if self.mapping != "cube":
+            return [self.path]
+        signs = {"+": "p", "-": "n"}
+        ends = [f"_{signs[name[0]]}{name[1]}" for name in cube.FACES]
+        return [self.path.with_name(f"{self.path.stem}{e}{self.path.suffix}") for e in ends]
+
     def must_not_replace(self, inputs: Sequence[Path]) -> None:
         """Raise ConfigError if the output is one of the inputs."""
         for path in inputs:
-            if path.exists() and self.path.exists() and path.samefile(self.path):
-                raise ConfigError("another name for --out", f"{path}, an input", "rename it")
+            for out in self.files:
+                if path.exists() and out.exists() and path.samefile(out):
+                    got = f"{path}, an input, which {out.name} would replace"
+                    raise ConfigError("another name for --out", got, "rename it")
 
 
 SUFFIXES: Mapping[str, str] = MappingProxyType(
@@ -117,7 +135,7 @@ def _picture(environment: Environment, wish: Wish) -> list[Path]:
         faces = cube_from_latlong(environment.radiance, wish.size or max(rows // 2, 4))
         faces = faces_for(faces, wish.made_for)
         if wish.mapping == "cube":
-            return _six(faces, wish)
+            return [_written(p, face, wish) for p, face in zip(wish.files, faces, strict=True)]
         return [_written(wish.path, unfolded(faces, wish.mapping), wish)]
     cross = "cross" in wish.mapping
     size = wish.size or (max(rows // 2, 4) if cross else rows)
@@ -125,15 +143,6 @@ def _picture(environment: Environment, wish: Wish) -> list[Path]:
     if wish.mapping == "latlong" and wish.made_for in TOOLS:
         picture = turned_for(picture, wish.made_for)
     return [_written(wish.path, picture, wish)]
-
-
-def _six(faces: np.ndarray, wish: Wish) -> list[Path]:
-    written = []
-    for name, face in zip(cube.FACES, faces, strict=True):
-        sign = {"+": "p", "-": "n"}[name[0]]
-        path = wish.path.with_name(f"{wish.path.stem}_{sign}{name[1]}{wish.path.suffix}")
-        written.append(_written(path, face, wish))
-    return written
 
 
 def _written(path: Path, picture: np.ndarray, wish: Wish) -> Path:
@@ -153,9 +162,9 @@ def _written(path: Path, picture: np.ndarray, wish: Wish) -> Path:
 
 def _lighting_file(environment: Environment, wish: Wish) -> list[Path]:
     tool = TOOLS.get(wish.made_for or "")
-    stem = wish.path.with_suffix("") if wish.path.suffix.lower() == ".json" else wish.path
     turn = tool.turn if tool else None
     latlong = resized(environment.radiance, 256)
+    stem = wish.path.with_suffix("")
     return save_lighting(environment.lighting, stem, turn=turn, latlong=latlong)
 
 
@@ -178,7 +187,7 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, Wish], list[Path]
     def write(environment: Environment, wish: Wish) -> list[Path]:
         if wish.made_for not in (None, tool):
             raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
-        beside = Wish(wish.path.with_suffix(".exr"), "exr", made_for=tool, size=wish.size)
+        beside = Wish(wish.files[1], "exr", made_for=tool, size=wish.size)
         text = files("deeplight.export").joinpath("snippets", snippet).read_text(encoding="utf-8")
         light = environment.main_light
         facts = {
