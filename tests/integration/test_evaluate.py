@@ -244,6 +244,18 @@ def test_several_models_splits_and_other_methods_stand_in_one_report(
 
 
 @pytest.mark.usefixtures("knowing")
+def test_without_true_light_the_report_says_what_it_can(data: DataSet, tmp_path: Path) -> None:
+    """As in a real capture; here the training split, which holds none."""
+    command.run(command.Args(data.folder, ("train",), out=tmp_path / "out", examples=4))
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert {s["estimator"] for s in results["summary"]} >= {"deeplight", "photo_mean"}
+    assert not {s["metric"] for s in results["summary"]} & {"energy_stops", "direction_deg"}
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Calibration" not in page
+    assert "No two neighbouring frames" in page
+
+
+@pytest.mark.usefixtures("knowing")
 def test_a_split_the_data_set_lacks_is_told(data: DataSet, tmp_path: Path) -> None:
     with pytest.raises(DataSetError, match="test"):
         command.run(command.Args(data.folder, ("test",)))

@@ -193,7 +193,9 @@ def test_true_light_of_the_seen_split_is_no_baseline_for_the_seen_split(
     module = "deeplight.evaluate.baselines.suite"
     monkeypatch.setattr(f"{module}.best_constant", lambda p, q: best_constant(p, q, steps=2))
     assert "training_mean" in [b.name for b in baselines_for(data, "val")]
+    assert "nearest_neighbour" not in [b.name for b in baselines_for(data, "train")]
     for split in ("seen", "seen_indoor"):
+        assert "nearest_neighbour" in [b.name for b in baselines_for(data, split)]
         assert "training_mean" not in [b.name for b in baselines_for(data, split)]
 
 
