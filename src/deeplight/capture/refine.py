@@ -18,6 +18,7 @@ from deeplight.camera import PinholeCamera
 from deeplight.capture.conic import Cone, moved, pixel_scale, rays_around
 
 SPOKES = 144
+SURE = 0.8  # support from which on an outline is not looked for another way
 MOST_FRAMES = 24  # looked at, more or less
 _ANGLES = np.arange(SPOKES) * (2 * np.pi / SPOKES)
 _STEP_PX = 0.5  # between samples of a profile
@@ -56,6 +57,7 @@ def refine(
     `near`: it is known to lie within a few pixels, so nothing farther is looked at.
     """
     radius_px = cone.angular_radius_rad * pixel_scale(camera)
+    start = cone
     reaches = (0.20 * radius_px, 0.12 * radius_px)
     for reach in reaches[near:]:
         reach = max(reach, 5.0)
@@ -64,7 +66,14 @@ def refine(
             return Outline(cone, 0.0, 0.0, np.inf)
         places, cost = split_cost(profiles, offsets)
         cone = _moved_to_best(cone, places, cost, inside, camera)
-    return _fine(cone, frames, camera, grow=True)
+    outline = _fine(cone, frames, camera, grow=True)
+    if outline.support > SURE:
+        return outline
+    again = [
+        _fine(moved(start, np.zeros(2), g * start.angular_radius_rad), frames, camera, True)
+        for g in (0.0, 0.02)
+    ]
+    return max([outline, *again], key=lambda option: option.support)
 
 
 def refine_place(

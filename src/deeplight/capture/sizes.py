@@ -12,13 +12,12 @@ from jaxtyping import UInt8
 
 from deeplight.camera import PinholeCamera
 from deeplight.capture.conic import Cone
-from deeplight.capture.refine import Outline, refine_place
+from deeplight.capture.refine import SURE, Outline, refine_place
 
 _USUAL_LOSS = 0.006  # how much too small the mirror is found as a rule: rings, not the rim
 _OWN_SPREAD = 0.015  # of the logarithm of the size of the mirror as found by itself
 _LEAST_SPREAD = 0.003  # of the sizes of spheres that are meant to be equally far away
 _INWARD, _OUTWARD = 0.07, 0.025  # how far off the mirror's own outline may be
-_SURE = 0.8  # support from which on the mirror is not looked for again
 _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
 
 
@@ -44,7 +43,7 @@ def even_sizes(
         return better, ("the mirror seems to be of another size than the others",)
     share = _OWN_SPREAD**2 / (_OWN_SPREAD**2 + spread**2)
     radius = float(own.cone.angular_radius_rad * np.exp(share * gap))
-    places = [own.cone] if own.support > _SURE else [own.cone, start]
+    places = [own.cone] if own.support > SURE else [own.cone, start]
     options = [refine_place(Cone(at.direction, radius), frames, camera) for at in places]
     return max(options, key=lambda outline: outline.support), ()
 
@@ -59,17 +58,19 @@ def expected_radius(named: dict[str, Outline]) -> tuple[float, float]:
     radii = silver.angular_radius_rad, diffuse.angular_radius_rad
     same = float(np.sqrt(radii[0] * radii[1]))
     differ = abs(float(np.log(radii[0] / radii[1])))
-    row = _in_a_row(mirror, silver, diffuse)
-    if row is not None:
+    found = _in_a_row(mirror, silver, diffuse)
+    if found is not None:
+        row, between = found
         # Its rings make a mirror look too small, never too large.
         larger = np.log(mirror.angular_radius_rad / same) > 0.5 * np.log(row / same) > 0.5 * _UNEVEN
-        if differ > _UNEVEN or larger:
+        if differ > _UNEVEN or (between and larger):
             return row, float(np.hypot(_LEAST_SPREAD, 0.5 * differ))
     return same, float(np.hypot(_LEAST_SPREAD, differ))
 
 
-def _in_a_row(mirror: Cone, silver: Cone, diffuse: Cone) -> float | None:
-    """The mirror's angular radius if the centres stand evenly on a line; None if they do not."""
+def _in_a_row(mirror: Cone, silver: Cone, diffuse: Cone) -> tuple[float, bool] | None:
+    """The mirror's angular radius if the centres stand evenly on a line, and whether it is between
+    the others; None if they do not."""
     cones = {"mirror": mirror, "matte_silver": silver, "diffuse": diffuse}
     # Centres in units of the radius, which is one for all three.
     at = {n: c.direction / np.sin(c.angular_radius_rad) for n, c in cones.items()}
@@ -83,5 +84,5 @@ def _in_a_row(mirror: Cone, silver: Cone, diffuse: Cone) -> float | None:
             expected = 2 * at[middle] - at[other]
         along = expected / np.linalg.norm(expected)
         if np.arccos(np.clip(along @ mirror.direction, -1, 1)) < 0.15 * mirror.angular_radius_rad:
-            return float(np.arcsin(1 / np.linalg.norm(expected)))
+            return float(np.arcsin(1 / np.linalg.norm(expected))), middle == "mirror"
     return None
