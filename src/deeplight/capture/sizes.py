@@ -5,6 +5,7 @@ rings just inside. The two other balls have clear outlines and the same size, so
 outline is doubtful they say how large it is seen.
 """
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -31,17 +32,19 @@ def even_sizes(
 
     The less the two others differ, the more they count. A mirror of quite another size than
     expected, or with little of an outline, is looked for again at `start`, where it was thought to
-    be at first.
+    be at first; one that cannot be what the others say loses its support.
     """
     own = named["mirror"]
     expected, spread = expected_radius(named)
     gap = float(np.log(expected / own.cone.angular_radius_rad))
     if not -_OUTWARD < gap - _USUAL_LOSS < _INWARD:
         again = refine_place(Cone(start.direction, expected), frames, camera)
-        as_good = again.support > (own.support if spread > _UNEVEN else 0.7 * own.support)
-        better = again if as_good else own
+        better = again if again.support > own.support else own
+        if spread < _UNEVEN and better.support < SURE:
+            better = replace(better, support=0.0)  # the others are sure of another size
         return better, ("the mirror seems to be of another size than the others",)
-    share = _OWN_SPREAD**2 / (_OWN_SPREAD**2 + spread**2)
+    doubt = _OWN_SPREAD if own.support < SURE else _LEAST_SPREAD
+    share = doubt**2 / (doubt**2 + spread**2)
     radius = float(own.cone.angular_radius_rad * np.exp(share * gap))
     places = [own.cone] if own.support > SURE else [own.cone, start]
     options = [refine_place(Cone(at.direction, radius), frames, camera) for at in places]
