@@ -1,6 +1,6 @@
 """Objects under estimated light beside the same objects under the scene's true light (figure 9).
 
-python benchmarks/compose_evidence.py data/sim [--split val] [--cases 36] [--out runs/compose]
+python benchmarks/compose_evidence.py data/sim [--split val] [--cases 32] [--out runs/compose]
 
 Takes simulated photos that look down on some ground and carry their true HDR light, spread over
 the places of the split. Into each it puts the bunny, diffuse and silver, five and more times: under
@@ -47,8 +47,8 @@ KINDS = ("indoor", "shade", "sun")
 STANDS = (0.5, 0.74)  # of the kept photo's width and height
 LEAST_DEPRESSION = 0.30  # sine of how far below the horizon the place lies
 SUN_SHARE = 0.34  # of the power in one direction: outdoors with more is sun, else shade
-COARSE = Quality(samples=16, shadow_samples=20, shadow_pixels=1000)
-FINE = Quality(samples=48, shadow_samples=48, shadow_pixels=3000)
+COARSE = Quality(samples=8, shadow_samples=16, shadow_pixels=800)
+FINE = Quality(samples=32, shadow_samples=32, shadow_pixels=2000)
 LATLONG_HEIGHT = 128
 DENOISE_PX = 1.5
 ONE_SIDED = 0.15  # a shadow whose centre is nearer to the object, in object sizes, has no side
@@ -320,7 +320,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path)
     parser.add_argument("--split", default="val")
-    parser.add_argument("--cases", type=int, default=36)
+    parser.add_argument("--cases", type=int, default=32)
     parser.add_argument("--scale", type=int, default=1, help="pixels for one of the background")
     parser.add_argument("--figure-scale", type=int, default=1)
     parser.add_argument("--figure-cases", type=int, default=1, help="of each kind of scene")
