@@ -35,7 +35,8 @@ _GRIDS = {"cross": (4, 3), "horizontal-cross": (3, 4), "strip": (1, 6), "column"
 _VALUES_AT_A_TIME = 2**22
 
 Picture = Float[np.ndarray, "height width 3"]
-Faces = Float[np.ndarray, "6 size size 3"]
+NewPicture = Float[np.ndarray, "new_height new_width 3"]
+Faces = Float[np.ndarray, "6 face face 3"]
 
 
 def mapping_of(height: int, width: int) -> str:
@@ -77,7 +78,7 @@ def folded(picture: Picture, mapping: str) -> Faces:
     return faces
 
 
-def unfolded(faces: Faces, mapping: str) -> Picture:
+def unfolded(faces: Faces, mapping: str) -> NewPicture:
     """A cross or a strip of six faces; what no face covers is black."""
     rows, columns = _GRIDS[mapping]
     size = faces.shape[1]
@@ -88,7 +89,7 @@ def unfolded(faces: Faces, mapping: str) -> Picture:
     return picture
 
 
-def latlong_from_probe(picture: Picture, mapping: str) -> Picture:
+def latlong_from_probe(picture: Picture, mapping: str) -> NewPicture:
     """The panorama that a picture of any mapping shows, about as fine as the picture.
 
     Raises:
@@ -111,7 +112,7 @@ def latlong_from_probe(picture: Picture, mapping: str) -> Picture:
     return picture
 
 
-def latlong_from_cube(faces: Faces) -> Picture:
+def latlong_from_cube(faces: Faces) -> NewPicture:
     """The panorama that six faces show, as fine as they are at their centres."""
     size = faces.shape[1]
 
@@ -122,7 +123,7 @@ def latlong_from_cube(faces: Faces) -> Picture:
     return _seen_from_inside(2 * size, look_up)
 
 
-def probe_from_latlong(radiance: Picture, mapping: str, size: int) -> Picture:
+def probe_from_latlong(radiance: Picture, mapping: str, size: int) -> NewPicture:
     """A panorama as a picture of another mapping; all but `cube`, which is six pictures.
 
     Args:
@@ -148,7 +149,7 @@ def cube_from_latlong(radiance: Picture, size: int) -> Faces:
     return np.stack(faces)
 
 
-def angular_from_latlong(radiance: Picture, size: int) -> Picture:
+def angular_from_latlong(radiance: Picture, size: int) -> NewPicture:
     """The angular map of a panorama; black off the disc, where it says nothing."""
     samples = _samples(size // 2)
     radiance = _no_finer_than(radiance, samples * size // 2)
@@ -157,20 +158,20 @@ def angular_from_latlong(radiance: Picture, size: int) -> Picture:
     return picture
 
 
-def resized(radiance: Picture, height: int) -> Picture:
+def resized(radiance: Picture, height: int) -> NewPicture:
     """A panorama of `height` rows: averaged if that is fewer, else interpolated."""
     if height <= len(radiance):
         return _no_finer_than(radiance, height)
     return resample.sample_latlong(radiance, latlong.directions(height, 2 * height))
 
 
-def _no_finer_than(radiance: Picture, height: int) -> Picture:
+def _no_finer_than(radiance: Picture, height: int) -> NewPicture:
     if len(radiance) > height:
         return resample.shrink_latlong(radiance, height).astype(np.float32)
     return radiance
 
 
-def _seen_from_inside(height: int, look_up: Callable[[np.ndarray], np.ndarray]) -> Picture:
+def _seen_from_inside(height: int, look_up: Callable[[np.ndarray], np.ndarray]) -> NewPicture:
     """A panorama of `height` rows, twice supersampled, of what `look_up` shows in directions."""
     fine = latlong.directions(2 * height, 4 * height)
     strips = np.array_split(fine, max(1, fine.size // _VALUES_AT_A_TIME))
@@ -183,7 +184,7 @@ def _look_up(radiance: Picture, directions: np.ndarray) -> np.ndarray:
     return np.concatenate([resample.sample_latlong(radiance, strip) for strip in strips])
 
 
-def _spread_off_disc(picture: Picture) -> Picture:
+def _spread_off_disc(picture: Picture) -> NewPicture:
     """The picture with pixels off the disc set to what lies inward of them at the rim."""
     size = len(picture)
     u, v = mirror_ball.grid(size)

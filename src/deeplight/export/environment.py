@@ -37,8 +37,8 @@ class Environment:
             raise ShapeError("a panorama twice as wide as high", got, "crop it to the full sphere")
         if not np.isfinite(radiance).all():
             raise ShapeError("finite radiance", "NaN or infinite values", "repair the picture")
-        power = float(np.abs(radiance).sum(dtype=np.float64))
-        negative = -float(np.minimum(radiance, 0).sum(dtype=np.float64))
+        negative = -float(radiance[radiance < 0].sum(dtype=np.float64))
+        power = float(radiance.sum(dtype=np.float64)) + 2 * negative
         if negative > MOST_NEGATIVE * power:
             got = f"{negative / power:.0%} of it negative"
             raise ShapeError("radiance of at least 0", got, "give linear light, not a difference")
