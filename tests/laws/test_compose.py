@@ -1,10 +1,12 @@
 """What must hold of every composite: rendered small, with Mitsuba's scalar variant."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from deeplight import latlong
 from deeplight.camera import PinholeCamera
@@ -159,6 +161,36 @@ def test_light_from_below_is_the_surfaces_unless_switched() -> None:
     replaced = over_object(trace(dark_plane, TINY, "scalar"))
     assert kept[1] > 4 * kept[0]
     assert replaced[1] == pytest.approx(replaced[0], rel=0.05)
+
+
+def test_a_texture_is_upright_and_unmirrored(tmp_path: Path) -> None:
+    """A glTF board that faces the camera: red above left, green above right, blue below."""
+    trimesh = pytest.importorskip("trimesh")
+    picture = np.zeros((8, 8, 3), np.uint8)
+    picture[:4, :4, 0], picture[:4, 4:, 1], picture[4:, :, 2] = 255, 255, 255
+    corners = np.array([[-1, 0, 0], [1, 0, 0], [1, 2, 0], [-1, 2, 0]], float)
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=Image.fromarray(picture), roughnessFactor=1.0, metallicFactor=0.0
+    )
+    visual = trimesh.visual.TextureVisuals(
+        np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float), material=material
+    )
+    board = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
+    (tmp_path / "board.glb").write_bytes(board.export(file_type="glb"))
+    meshes = standing(load(str(tmp_path / "board.glb")), VIEW.point(32, 34), 0.5)
+    painted = replace(scene(WHITE, albedo=0.05), solids=[Solid(meshes, "file")])
+    layers = trace(painted, TINY, "scalar")
+    inside = np.argwhere(layers.cover > 0.99)
+    (top, left), (bottom, right) = inside.min(0), inside.max(0)
+    third = max((bottom - top) // 3, 1)
+    upper, lower = slice(top, top + third), slice(bottom - third, bottom + 1)
+    sides = slice(left, left + third), slice(right - third, right + 1)
+    seen = [
+        layers.radiance[rows, columns].mean((0, 1)).argmax()
+        for rows in (upper, lower)
+        for columns in sides
+    ]
+    assert seen == [0, 1, 2, 2]
 
 
 def test_what_nothing_changes_keeps_its_bytes() -> None:

@@ -51,7 +51,7 @@ class Args:
     layers: Path | None = None
     """Also write objects, shadow and mask as a layered EXR."""
     engine: Literal["auto", "llvm", "scalar"] = "auto"
-    """Mitsuba's variant; llvm needs LLVM 16 or newer and is several times faster."""
+    """Mitsuba's variant; llvm needs LLVM 16 or newer and pays for final quality."""
 
 
 def run(args: Args) -> None:

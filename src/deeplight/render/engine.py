@@ -15,7 +15,7 @@ def mitsuba(engine: str = "auto") -> Any:
     """Give Mitsuba with its variant chosen.
 
     Args:
-        engine: "llvm" (compiled, several times faster), "scalar" (needs nothing), or "auto":
+        engine: "llvm" (compiled; worth it for long work), "scalar" (needs nothing), or "auto":
             LLVM where it works.
 
     Raises:

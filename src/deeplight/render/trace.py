@@ -109,6 +109,8 @@ def trace(
     if min(near[2] - near[0], near[3] - near[1]) < 1:  # nothing, or outside the photo
         nothing = np.zeros((0, 0, 3), np.float32)
         return Layers((0, 0, 0, 0), nothing, nothing[..., 0], nothing)
+    if engine == "auto" and quality.most_rays is not None:
+        engine = "scalar"  # trying and compiling LLVM takes longer than a preview
     tracer = _Tracer(mitsuba(engine), scene, light_from_below, seed)
     wide = _around(affected(scene), near)
     area = (wide[2] - wide[0]) * (wide[3] - wide[1])
