@@ -183,6 +183,12 @@ def test_an_unknown_suffix_is_told_before_anything_is_read(tmp_path, capsys) -> 
     assert ".glb" in capsys.readouterr().err
 
 
+def test_a_panorama_of_odd_rows_gives_one_up_for_a_tool(tmp_path) -> None:
+    write_exr(tmp_path / "odd.exr", np.ones((51, 102, 3), np.float32))
+    assert convert(tmp_path / "odd.exr", "--out", tmp_path / "a.js") == 0
+    assert read_hdr(tmp_path / "a.three.exr").shape == (50, 100, 3)
+
+
 def test_an_input_is_never_replaced(studio, labelled) -> None:
     assert convert(studio, "--out", studio, "--stops", "1") == 2
     assert convert(studio, "--out", studio.with_suffix(".json")) == 2

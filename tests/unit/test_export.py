@@ -237,6 +237,8 @@ def test_a_three_module_tells_its_light_in_the_all_positive_sign(environment, tm
         ({"path": Path("a.glb"), "mapping": "cross"}, "picture"),
         ({"path": Path("a.exr"), "mapping": "cross", "made_for": "blender"}, "latlong or a cube"),
         ({"path": Path("a.exr"), "size": 3}, "size"),
+        ({"path": Path("a.dat"), "format": "exr"}, "ending in .exr"),
+        ({"path": Path("a.exr"), "format": "json"}, "ending in .json"),
         ({"path": Path("a.exr"), "size": 99999}, "size"),
         ({"path": Path("a.exr"), "size": 65}, "even"),
     ],

@@ -51,8 +51,8 @@ class Wish:
 
     def __post_init__(self) -> None:
         kind = self.kind
-        if kind == "json" and self.path.suffix.lower() != ".json":
-            raise ConfigError("--out ending in .json", f"{self.path}", "rename it")
+        if kind in ("exr", "hdr", "json") and self.path.suffix.lower() != f".{kind}":
+            raise ConfigError(f"--out ending in .{kind}", f"{self.path}", "rename it")
         if self.mapping != "latlong" and kind not in PICTURES:
             got = f"{self.mapping} for {kind}"
             raise ConfigError(f"a picture ({', '.join(PICTURES)}) of that mapping", got, "drop one")
@@ -138,7 +138,9 @@ def _picture(environment: Environment, wish: Wish) -> list[Path]:
             return [_written(p, face, wish) for p, face in zip(wish.files, faces, strict=True)]
         return [_written(wish.path, unfolded(faces, wish.mapping), wish)]
     cross = "cross" in wish.mapping
-    size = wish.size or (max(rows // 2, 4) if cross else rows)
+    # Quarter turns need whole columns, so an odd panorama gives up a row for a tool.
+    whole = rows - rows % 2 if wish.made_for in TOOLS else rows
+    size = wish.size or (max(rows // 2, 4) if cross else whole)
     picture = probe_from_latlong(environment.radiance, wish.mapping, size)
     if wish.mapping == "latlong" and wish.made_for in TOOLS:
         picture = turned_for(picture, wish.made_for)
