@@ -244,10 +244,15 @@ def summary(rows: list[Row], names: list[str]) -> str:
                 for kind in KINDS:
                     cells.append(_cell([r for r in picked if r.kind == kind], error))
                 lines.append(f"| {name} | {' | '.join(cells)} |")
-    near = [r for r in rows if r.light_deg < NEAR_TRUTH_DEG and np.isfinite(r.side_deg)]
-    wrong = [r for r in near if r.side_deg > 90]
-    text = f"Of {len(near)} shadows under light within {NEAR_TRUTH_DEG} degrees of the truth,"
-    return "\n".join([*lines, "", f"{text} {len(wrong)} fall on the wrong side.", ""])
+    lines += ["", f"shadows under light within {NEAR_TRUTH_DEG} degrees of the truth", ""]
+    lines += ["| light | shadows | farthest off | on the wrong side |", "|---|---|---|---|"]
+    for name in names:
+        near = [r.side_deg for r in rows if r.method == name and r.light_deg < NEAR_TRUTH_DEG]
+        near = [side for side in near if np.isfinite(side)]
+        wrong = sum(side > 90 for side in near)
+        most = f"{max(near):.0f} degrees" if near else "-"
+        lines.append(f"| {name} | {len(near)} | {most} | {wrong} |")
+    return "\n".join([*lines, ""])
 
 
 def _cell(rows: list[Row], error: str) -> str:
