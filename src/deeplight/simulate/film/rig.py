@@ -17,6 +17,7 @@ _UPRIGHT = np.eye(3)
 _RADIUS_M, _DISTANCE_M = 0.04, 0.60  # of PAPER_RIG
 _BELOW_M = 0.017  # from a sphere's lowest point to the middle of the bar
 _BAR_M, _STALK_M, _TAG_M = 0.006, 0.004, 0.013  # radii, and half the plate's side
+_TAG_UP_M = 0.02  # above the bar, which is often cut by the frame's lower edge
 _METAL, _SKIN, _CLOTH, _PHONE = (0.22,) * 3, (0.38, 0.25, 0.19), (0.10, 0.10, 0.12), (0.03,) * 3
 
 
@@ -85,7 +86,8 @@ def draw_rig(
     centres = dict(zip(order, places, strict=True))
     plate = None
     if tag:
-        middle = (places[0] + places[1]) / 2 - [0, _RADIUS_M + _BELOW_M, 0]
+        below = _RADIUS_M + _BELOW_M - _TAG_UP_M
+        middle = (places[0] + places[1]) / 2 - [0, below, 0]
         middle = middle + normalised(-middle) * (_BAR_M + 0.001)
         half = np.array([_TAG_M, _TAG_M, 0.001])
         plate = Thing(Box(middle, half, looking_at(middle)), "diffuse", (0.5,) * 3)

@@ -10,6 +10,7 @@ from jaxtyping import Float
 CODES_36H11 = (0xD5D628584, 0xD97F18B49, 0xDD280910E, 0xE479E9C98)
 _WHITE, _BLACK = 0.80, 0.04
 CELLS = 10  # 6 of the code, a black and a white border around it
+BLACK_CELLS = 8  # without the white border: the side that a rig file calls the tag's size
 
 
 def tag_cells(tag_id: int) -> Float[np.ndarray, "10 10"]:

@@ -1,4 +1,7 @@
-"""What is true of a film: CLIP.truth.json and CLIP.truth.npz beside CLIP.mp4."""
+"""What is true of a film: CLIP.truth.json and CLIP.truth.npz beside CLIP.mp4.
+
+A clip with a tag on the bar also gets CLIP.rig.json, what its builder would have measured.
+"""
 
 import json
 from pathlib import Path
@@ -11,7 +14,9 @@ from deeplight.camera import PinholeCamera
 from deeplight.frames import Rotation, looking_at
 from deeplight.io.atomic import replacing
 from deeplight.simulate.film.clip import Clip, FilmFrame
+from deeplight.simulate.film.parts import Box
 from deeplight.simulate.film.rig import FilmRig, ellipse_px
+from deeplight.simulate.film.tag import BLACK_CELLS, CELLS
 from deeplight.simulate.panorama import Place
 from deeplight.sphere import CROP_SIZE, SPHERES, SphereView
 
@@ -50,12 +55,15 @@ class TruthWriter:
         )
 
     def write(self, video: Path) -> None:
-        """Write both files, the .json last: a clip with one is finished.
+        """Write the files, .truth.json last: a clip with one is finished.
 
         Raises:
             OSError: they cannot be written.
         """
         described, arrays = truth_paths(video)
+        if self._clip.rig.tag_id is not None:
+            with replacing(video.with_suffix(".rig.json")) as temporary:
+                temporary.write_text(json.dumps(measured_rig(self._clip.rig), indent=1) + "\n")
         with replacing(arrays) as temporary:
             np.savez_compressed(
                 temporary,
@@ -89,6 +97,24 @@ class TruthWriter:
             },
             "frames": self._frames,
         }
+
+
+def measured_rig(rig: FilmRig) -> dict[str, Any]:
+    """The rig file of a rig with a tag: its sphere centres in the tag's frame (docs/locate.md)."""
+    assert rig.plate is not None
+    assert isinstance(rig.plate.shape, Box)
+    box = rig.plate.shape
+    face = box.centre_m + box.half_size_m[2] * box.box_from_camera[2]
+    spheres = {
+        name: {
+            "centre_m": (box.box_from_camera @ (rig.centres_m[name] - face)).round(6).tolist(),
+            "diameter_m": 2 * rig.radius_m,
+        }
+        for name in SPHERES
+    }
+    size = 2 * box.half_size_m[0] * BLACK_CELLS / CELLS
+    tag = {"family": "36h11", "id": rig.tag_id, "size_m": round(float(size), 6)}
+    return {"tag": tag, "spheres": spheres}
 
 
 def true_spheres(
