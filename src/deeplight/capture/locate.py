@@ -4,7 +4,7 @@ The rig is rigid and held in front of the phone, so one place per sphere serves 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,7 @@ from deeplight.capture.located import (
     NotLocated,
     TagRig,
     cones_of,
+    moved_together,
     rig_of,
 )
 from deeplight.capture.materials import name_spheres
@@ -172,6 +173,8 @@ def _by_saved_rig(clip: _Clip, saved: dict[str, Cone]) -> Located:
     if naming.names != tuple(named) and naming.confidence > _LEAST_CONFIDENCE:
         got = "a saved rig with other materials in its places"
         raise clip.failed(got, do, None, list(saved.values()))
+    together = moved_together(saved, {n: o.cone for n, o in named.items()})
+    named = {n: replace(outline, cone=together[n]) for n, outline in named.items()}
     return _located(clip, named, 1.0, "saved rig", ())
 
 
@@ -186,7 +189,7 @@ def _by_tag(clip: _Clip, rig: TagRig) -> Located:
         raise clip.failed("a tag that puts the spheres behind the camera", "correct the rig file")
     named, warnings = {}, []
     for name, cone in cones.items():
-        outline = refine(cone, frames, clip.camera, near=True)
+        outline = refine(cone, frames, clip.camera)
         sure = outline.support >= _LEAST_SUPPORT and _moved_by(cone, outline.cone) < _SAVED_SHIFT
         if outline.seen < _LEAST_SEEN:
             got = f"a tag that puts the {name} sphere outside the picture"

@@ -8,7 +8,7 @@ from jaxtyping import Float, UInt8
 
 from deeplight.capture.conic import Cone, Ellipse
 from deeplight.errors import DataSetError, ShapeError
-from deeplight.frames import looking_at
+from deeplight.frames import looking_at, normalised
 from deeplight.sphere import SPHERES, Rig, SphereView
 
 PAPER_DIAMETER_M = 0.08  # of `sphere.PAPER_RIG`
@@ -114,4 +114,19 @@ def cones_of(rig: Rig) -> dict[str, Cone]:
     return {
         name: Cone(-view.ball_from_camera[2], view.angular_radius_rad)
         for name, view in rig.views.items()
+    }
+
+
+def moved_together(saved: dict[str, Cone], found: dict[str, Cone]) -> dict[str, Cone]:
+    """The saved cones after the small move that most of the found ones agree on.
+
+    A rig is rigid, so one outline that went astray does not count.
+    """
+    shift = np.median([found[n].direction - saved[n].direction for n in saved], axis=0)
+    growth = float(
+        np.median([found[n].angular_radius_rad / saved[n].angular_radius_rad for n in saved])
+    )
+    return {
+        name: Cone(normalised(cone.direction + shift), cone.angular_radius_rad * growth)
+        for name, cone in saved.items()
     }
