@@ -33,7 +33,7 @@ def failed_picture(
     candidates: list[Cone],
     camera: PinholeCamera,
     reason: str,
-) -> Picture:
+) -> UInt8[np.ndarray, "shown_height shown_width 3"]:
     """A frame and its steady edges side by side, with the circles that were thought of."""
     picture, small = _fitted(frame, camera)
     panels = [picture]
