@@ -84,7 +84,11 @@ class Chooser:
         for still in stills:
             if self.causes[still.number] == KEEP:
                 left -= 1
-                view = evened(measured(still.luma, _ALIKE_SIDE)) if self._alike else None
+                view = (
+                    evened(measured(measured(still.luma), _ALIKE_SIDE, 1.0))
+                    if self._alike
+                    else None
+                )
                 if view is not None and last is not None and _difference(view, last) < self._alike:
                     self.causes[still.number] = "near_duplicate"
                 else:

@@ -54,9 +54,9 @@ class QualityLog:
         return self._rows[frame * len(COLUMNS) + COLUMNS.index(name)]
 
 
-def measured(luma: Grey, side: int = MEASURED_SIDE) -> Grey:
-    """Give the background's grey as an area average whose shorter side is at most `side`."""
-    rows = luma[: round(len(luma) * BACKGROUND_FRACTION)]
+def measured(luma: Grey, side: int = MEASURED_SIDE, share: float = BACKGROUND_FRACTION) -> Grey:
+    """Give the upper `share` of the grey as an area average, its shorter side at most `side`."""
+    rows = luma[: round(len(luma) * share)]
     scale = min(1.0, side / min(luma.shape))
     size = max(8, round(rows.shape[1] * scale)), max(8, round(rows.shape[0] * scale))
     return _shrunk(rows, size)

@@ -61,9 +61,13 @@ class Reprojection:
 
     def crop(self, frame: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "size size 3"]:
         """Cut the sphere out of a frame; the corners show what is around it."""
-        part = frame[self.top : self.bottom, self.left : self.right]
+        part = np.ascontiguousarray(frame[self.top : self.bottom, self.left : self.right])
         samples = cv2.remap(
-            _LINEAR[part], self.column, self.row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            cv2.LUT(part, _LINEAR),
+            self.column,
+            self.row,
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
         )
         size = self.view.size
         linear = cv2.resize(samples, (size, size), interpolation=cv2.INTER_AREA)  # a plain mean

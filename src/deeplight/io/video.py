@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from threading import get_ident
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -227,9 +228,24 @@ def _pixels(frame: "av.VideoFrame") -> UInt8[np.ndarray, "height width 3"]:
         tall = min(frame.width, frame.height) >= 720
         matrix = BT2020 if transfer else ITU709 if tall else ITU601
     if transfer:
-        signal = frame.reformat(format="rgb48le", src_colorspace=matrix).to_ndarray()
+        signal = (
+            _converter(get_ident())
+            .reformat(frame, format="rgb48le", src_colorspace=matrix)
+            .to_ndarray()
+        )
         return video_colour.sdr_pixels(signal, transfer)
-    return frame.reformat(format="rgb24", src_colorspace=matrix, interpolation=_EXACT).to_ndarray()
+    converted = _converter(get_ident()).reformat(
+        frame, format="rgb24", src_colorspace=matrix, interpolation=_EXACT
+    )
+    return converted.to_ndarray()
+
+
+@lru_cache(maxsize=16)
+def _converter(thread: int) -> "av.video.reformatter.VideoReformatter":  # noqa: ARG001
+    """FFmpeg's converter of one thread, kept: setting one up for every frame takes time."""
+    from av.video.reformatter import VideoReformatter
+
+    return VideoReformatter()
 
 
 def _luma(frame: "av.VideoFrame") -> UInt8[np.ndarray, "height width"]:
