@@ -219,3 +219,30 @@ def triples(candidates: list[Candidate], most: int = 4) -> list[tuple[float, lis
 
 def _overlap(one: Cone, other: Cone) -> bool:
     return separation_rad(one, other) < 0.93 * (one.angular_radius_rad + other.angular_radius_rad)
+
+
+def completed(
+    candidates: list[Candidate], camera: PinholeCamera, most: int = 3
+) -> list[list[Cone]]:
+    """Threes made of two clear circles of one size and a third where a straight bar has it.
+
+    For a sphere without enough of an outline to be a candidate itself.
+    """
+    clear = [c for c in candidates if c.coverage > _LEAST_COVERAGE]
+    pairs: list[tuple[float, Cone, Cone]] = []
+    for one, other in combinations(clear, 2):
+        uneven = abs(np.log(one.cone.angular_radius_rad / other.cone.angular_radius_rad))
+        if uneven < np.log(1.15) and not _overlap(one.cone, other.cone):
+            pairs.append((float(one.coverage + other.coverage - uneven), one.cone, other.cone))
+    pairs.sort(key=lambda pair: -pair[0])
+    threes = []
+    for _, left, right in pairs[:most]:
+        # Centres in units of the radius, which is one for all three.
+        a, b = (c.direction / np.sin(c.angular_radius_rad) for c in (left, right))
+        for third in ((a + b) / 2, 2 * b - a, 2 * a - b):
+            cone = Cone(normalised(third), float(np.arcsin(1 / np.linalg.norm(third))))
+            row, column = camera.pixel_of_directions(cone.direction)
+            within = 0 < row < camera.height and 0 < column < camera.width
+            if within and not (_overlap(cone, left) or _overlap(cone, right)):
+                threes.append([left, right, cone])
+    return threes

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from deeplight.camera import PinholeCamera
 from deeplight.capture import overlay
-from deeplight.capture.candidates import find_candidates, triples
+from deeplight.capture.candidates import completed, find_candidates, triples
 from deeplight.capture.conic import Cone, ellipse
 from deeplight.capture.located import (
     Located,
@@ -37,6 +37,9 @@ LEAST_FRAMES = 8  # fewer do not tell what stays from what moves
 LEAST_TRAVEL = 0.02  # of the picture's shorter side, that the world must move by in the clip
 _LEAST_SCORE = 0.3  # of three circles together (`triples`)
 _LEAST_SUPPORT = 0.2  # share of the outline that the frames must show to be there
+_FULL_SUPPORT = 0.35  # the same where less speaks for a sphere: no motion, or a place on the bar
+_ERROR_FOR_SUPPORT = 0.22  # the fainter the outlines, the better the light must explain the spheres
+_UNCLEAR = 0.5  # support below which a person should look
 _LEAST_SEEN = 0.5  # share of the outline that must lie inside the picture
 _LEAST_CONFIDENCE = 0.8  # in the names
 _LARGEST_ERROR = 0.13  # of pixel values, with which the mirror explains the others
@@ -95,32 +98,34 @@ def _by_flow(clip: _Clip) -> Located:
     if sample.count < LEAST_FRAMES:
         raise clip.failed(f"only {sample.count} frames", "give a longer clip, or a rig file")
     seen = evidence(sample)
-    if seen.travel_px < LEAST_TRAVEL * WORKING_SIDE:
-        raise clip.failed(
-            "a camera that hardly moves", "move while filming, or give a rig file", seen
-        )
-    found = find_candidates(seen, sample.working_camera(camera))
-    options = [three for score, three in triples(found) if score > _LEAST_SCORE]
+    working = sample.working_camera(camera)
+    found = find_candidates(seen, working)
+    options = [
+        [candidate.cone for candidate in three]
+        for score, three in triples(found)[:3]
+        if score > _LEAST_SCORE
+    ]
     circles = [candidate.cone for candidate in found]
     reason = f"{len(found)} still circles but no three alike"
-    for i, three in enumerate(options[:3]):
-        outcome = _checked(clip, [candidate.cone for candidate in three], "flow")
+    still = seen.travel_px < LEAST_TRAVEL * WORKING_SIDE
+    if still:
+        reason = "a camera that hardly moves"
+    for i, three in enumerate(options + completed(found, working)):
+        doubtful = still or i >= len(options)
+        outcome = _checked(clip, three, _FULL_SUPPORT if doubtful else _LEAST_SUPPORT)
         if isinstance(outcome, Located):
             return outcome
-        if i == 0:
-            reason, circles = outcome, [candidate.cone for candidate in three]
+        if i == 0 and options and not still:
+            reason, circles = outcome, three
     raise clip.failed(
         reason, "look at the overlay; give a rig file if they are there", seen, circles
     )
 
 
-def _checked(clip: _Clip, cones: list[Cone], method: Literal["flow"]) -> Located | str:
+def _checked(clip: _Clip, cones: list[Cone], least_support: float) -> Located | str:
     """The spheres near three circles, or why those are not the rig."""
     frames = [still.luma for still in clip.sample.stills]
     outlines = [refine(cone, frames, clip.camera) for cone in cones]
-    fault = _fault(outlines)
-    if fault:
-        return fault
     colour = _colour_frames(clip)
     naming = name_spheres([outline.cone for outline in outlines], colour, clip.camera)
     if naming.error > _LARGEST_ERROR:
@@ -130,17 +135,19 @@ def _checked(clip: _Clip, cones: list[Cone], method: Literal["flow"]) -> Located
     named = dict(zip(naming.names, outlines, strict=True))
     start = cones[naming.names.index("mirror")]
     named["mirror"], warnings = even_sizes(named, start, frames, clip.camera)
-    fault = _fault(list(named.values()))
-    if fault:
-        return fault
-    return _located(clip, named, naming.confidence, method, warnings)
+    fault = _fault(list(named.values()), least_support)
+    # Not the mirror's outline: by its sides something is found in any world.
+    faintest = min(named[name].support for name in SPHERES if name != "mirror")
+    if not fault and naming.error > _ERROR_FOR_SUPPORT * faintest:
+        return "faint outlines of what could be spheres"
+    return fault or _located(clip, named, naming.confidence, "flow", warnings)
 
 
-def _fault(outlines: list[Outline]) -> str | None:
+def _fault(outlines: list[Outline], least_support: float) -> str | None:
     """Why these outlines are not those of three spheres of one size, if they are not."""
     if min(outline.seen for outline in outlines) < _LEAST_SEEN:
         return "a sphere less than half in the picture"
-    if min(outline.support for outline in outlines) < _LEAST_SUPPORT:
+    if min(outline.support for outline in outlines) < least_support:
         return "only part of a round outline"
     for i, one in enumerate(outlines):
         for other in outlines[:i]:
@@ -220,6 +227,9 @@ def _located(
         diameters = clip.how.rig.diameters_m
     distance = {n: diameters[n] / 2 / np.sin(c.angular_radius_rad) for n, c in cones.items()}
     confidence = {n: sure * min(1.0, 0.3 + named[n].support) for n in SPHERES}
+    unclear = [n.replace("_", " ") for n in SPHERES if named[n].support < _UNCLEAR]
+    if unclear:
+        warnings += (f"an outline that is hard to see: {', '.join(unclear)}",)
     cut = [n.replace("_", " ") for n in SPHERES if named[n].seen < 1]
     if cut:
         warnings += (f"partly out of the picture: {', '.join(cut)}",)

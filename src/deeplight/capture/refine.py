@@ -6,7 +6,7 @@ in each. Each spoke's place is the one at which a sharp step explains its profil
 the cone is then fitted to all spokes robustly, which leaves out the stalk and the neighbours.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -24,9 +24,29 @@ _ANGLES = np.arange(SPOKES) * (2 * np.pi / SPOKES)
 _STEP_PX = 0.5  # between samples of a profile
 _SHARPNESS_PX = (0.4, 0.6, 0.9)  # how sharp a camera and its compression may draw an edge
 _CLEAR = 0.1  # how much better, as a logarithm, an edge explains a spoke than no edge does
+_HIT_PX, _COARSE_HIT_PX = 1.0, 2.0  # how near an outline a spoke's edge is its own
 _NOISE = 1.0  # grey levels of noise that no model explains
 
 Profiles = Float[np.ndarray, "frames spokes samples"]
+
+
+_BLUR_PX = 0.5  # a drawn edge is so wide, and counts as inside
+
+
+@dataclass(frozen=True)
+class Held:
+    """What is known of the size before an outline is fitted.
+
+    Attributes:
+        growth_px: of the circle, that is expected.
+        stiffness: cost for each spoke and squared pixel of another growth.
+    """
+
+    growth_px: float
+    stiffness: float
+
+
+FREE, HELD = Held(0.0, 0.0), Held(0.0, np.inf)
 
 
 @dataclass(frozen=True)
@@ -66,11 +86,11 @@ def refine(
             return Outline(cone, 0.0, 0.0, np.inf)
         places, cost = split_cost(profiles, offsets)
         cone = _moved_to_best(cone, places, cost, inside, camera)
-    outline = _fine(cone, frames, camera, grow=True)
+    outline = _fine(cone, frames, camera)
     if outline.support > SURE:
         return outline
     again = [
-        _fine(moved(start, np.zeros(2), g * start.angular_radius_rad), frames, camera, True)
+        _fine(moved(start, np.zeros(2), g * start.angular_radius_rad), frames, camera)
         for g in (0.0, 0.02)
     ]
     return max([outline, *again], key=lambda option: option.support)
@@ -80,14 +100,56 @@ def refine_place(
     cone: Cone, frames: list[UInt8[np.ndarray, "height width"]], camera: PinholeCamera
 ) -> Outline:
     """The outline around `cone` with the angular radius it has."""
-    return _fine(cone, frames, camera, grow=False)
+    return _fine(cone, frames, camera, HELD)
+
+
+def refine_by_sides(
+    cone: Cone,
+    frames: list[UInt8[np.ndarray, "height width"]],
+    camera: PinholeCamera,
+    stiffness: float,
+) -> Outline:
+    """The outline where what is inside and what is outside differ most, edge or no edge.
+
+    For the mirror, whose rim is hardly darker than what lies behind it: coarser than `refine`,
+    but it does not take the reflections' rings for the rim.
+
+    Args:
+        cone: where to begin, with the angular radius that is expected.
+        frames, camera: full size.
+        stiffness: cost, of each spoke, of a radius that is 1 % off; grows with the square.
+    """
+    expected_px = cone.angular_radius_rad * pixel_scale(camera)
+    for share in (0.2, 0.15, 0.12, 0.1):
+        reach = max(share * expected_px, 5.0)
+        profiles, offsets, inside = profiles_across(cone, frames, camera, (-reach, reach))
+        if not inside.any():
+            return Outline(cone, 0.0, 0.0, np.inf)
+        places, cost = split_cost(profiles, offsets)
+        outline = _judged(cone, places, cost, inside, _COARSE_HIT_PX)
+        grown_px = cone.angular_radius_rad * pixel_scale(camera) - expected_px
+        held = Held(-grown_px, stiffness * (100 / expected_px) ** 2)
+        cone = _moved_to_best(cone, places, cost, inside, camera, held)
+    blurred = moved(cone, np.zeros(2), -_BLUR_PX / pixel_scale(camera))
+    return replace(outline, cone=blurred)
+
+
+def _judged(
+    cone: Cone, places: np.ndarray, cost: np.ndarray, inside: np.ndarray, hit_px: float
+) -> Outline:
+    """The outline with what its spokes say of it."""
+    best = places[cost.argmin(axis=1)]
+    clear = np.median(cost, axis=1) - cost.min(axis=1) > _CLEAR
+    hits = (np.abs(best) < hit_px) & inside & clear
+    scatter = float(np.median(np.abs(best[hits])) * 1.48) if hits.any() else np.inf
+    return Outline(cone, float(hits.mean()), float(inside.mean()), scatter)
 
 
 def _fine(
     cone: Cone,
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
-    grow: bool,
+    held: Held = FREE,
 ) -> Outline:
     reach = float(np.clip(0.15 * cone.angular_radius_rad * pixel_scale(camera), 4.5, 6.0))
     for last in (False, False, True):
@@ -96,13 +158,9 @@ def _fine(
             return Outline(cone, 0.0, 0.0, np.inf)
         sigma = min(_SHARPNESS_PX, key=lambda s: step_cost(profiles, offsets, s)[1].min(1).mean())
         places, cost = step_cost(profiles, offsets, sigma)
-        best = places[cost.argmin(axis=1)]
         if not last:
-            cone = _moved_to_best(cone, places, cost, inside, camera, grow)
-    clear = np.median(cost, axis=1) - cost.min(axis=1) > _CLEAR
-    hits = (np.abs(best) < 1.0) & inside & clear
-    scatter = float(np.median(np.abs(best[hits])) * 1.48) if hits.any() else np.inf
-    return Outline(cone, float(hits.mean()), float(inside.mean()), scatter)
+            cone = _moved_to_best(cone, places, cost, inside, camera, held)
+    return _judged(cone, places, cost, inside, _HIT_PX)
 
 
 def _moved_to_best(
@@ -111,9 +169,9 @@ def _moved_to_best(
     cost: np.ndarray,
     inside: np.ndarray,
     camera: PinholeCamera,
-    grow: bool = True,
+    held: Held = FREE,
 ) -> Cone:
-    shift, growth = best_circle(places, cost[inside], _ANGLES[inside], grow)
+    shift, growth = best_circle(places, cost[inside], _ANGLES[inside], held)
     return moved(cone, shift / pixel_scale(camera), growth / pixel_scale(camera))
 
 
@@ -121,7 +179,7 @@ def best_circle(
     places: Float[np.ndarray, "places"],
     cost: Float[np.ndarray, "spokes places"],
     angles_rad: Float[np.ndarray, "spokes"],
-    grow: bool = True,
+    held: Held = FREE,
 ) -> tuple[Float[np.ndarray, "2"], float]:
     """Shift and growth, in pixels, of the circle that costs least over all spokes together.
 
@@ -133,8 +191,8 @@ def best_circle(
     columns = np.stack([np.cos(angles_rad), np.sin(angles_rad), np.ones_like(angles_rad)], axis=-1)
     centre, spread = np.zeros(3), reach / 2
     grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 9)] * 3), axis=-1).reshape(-1, 3)
-    if not grow:
-        grid = grid[grid[:, 2] == 0]
+    if np.isinf(held.stiffness):
+        grid, centre = grid[grid[:, 2] == 0], np.array([0.0, 0.0, held.growth_px])
     while spread > 0.02:
         tried = centre + spread * grid
         at = (tried @ columns.T - places[0]) / step
@@ -142,6 +200,8 @@ def best_circle(
         part = np.clip(at - low, 0, 1)
         row = np.arange(len(cost))
         total = ((1 - part) * cost[row, low] + part * cost[row, low + 1]).sum(axis=1)
+        if not np.isinf(held.stiffness):
+            total += len(cost) * held.stiffness * (tried[:, 2] - held.growth_px) ** 2
         centre, spread = tried[total.argmin()], spread * 0.4
     return centre[:2], float(centre[2])
 

@@ -5,7 +5,6 @@ rings just inside. The two other balls have clear outlines and the same size, so
 outline is doubtful they say how large it is seen.
 """
 
-from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -13,11 +12,11 @@ from jaxtyping import UInt8
 
 from deeplight.camera import PinholeCamera
 from deeplight.capture.conic import Cone
-from deeplight.capture.refine import SURE, Outline, refine_place
+from deeplight.capture.refine import SURE, Outline, refine_by_sides, refine_place
 
 _USUAL_LOSS = 0.006  # how much too small the mirror is found as a rule: rings, not the rim
-_OWN_SPREAD = 0.015  # of the logarithm of the size of the mirror as found by itself
 _LEAST_SPREAD = 0.003  # of the sizes of spheres that are meant to be equally far away
+_STIFFNESS = 0.01
 _INWARD, _OUTWARD = 0.07, 0.025  # how far off the mirror's own outline may be
 _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
 
@@ -28,27 +27,22 @@ def even_sizes(
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
 ) -> tuple[Outline, tuple[str, ...]]:
-    """The mirror's outline with a size between its own and the one that the others expect.
+    """The mirror's outline, of about the size that the two others expect.
 
-    The less the two others differ, the more they count. A mirror of quite another size than
-    expected, or with little of an outline, is looked for again at `start`, where it was thought to
-    be at first; one that cannot be what the others say loses its support.
+    Looked for by what is inside and outside of it, from where it was found and from `start`, where
+    it was thought to be at first. Its own edge is taken instead where it is clear and agrees.
     """
     own = named["mirror"]
-    expected, spread = expected_radius(named)
-    gap = float(np.log(expected / own.cone.angular_radius_rad))
-    if not -_OUTWARD < gap - _USUAL_LOSS < _INWARD:
-        again = refine_place(Cone(start.direction, expected), frames, camera)
-        better = again if again.support > own.support else own
-        if spread < _UNEVEN and better.support < SURE:
-            better = replace(better, support=0.0)  # the others are sure of another size
-        return better, ("the mirror seems to be of another size than the others",)
-    doubt = _OWN_SPREAD if own.support < SURE else _LEAST_SPREAD
-    share = doubt**2 / (doubt**2 + spread**2)
-    radius = float(own.cone.angular_radius_rad * np.exp(share * gap))
-    places = [own.cone] if own.support > SURE else [own.cone, start]
-    options = [refine_place(Cone(at.direction, radius), frames, camera) for at in places]
-    return max(options, key=lambda outline: outline.support), ()
+    expected, _ = expected_radius(named)
+    options = [
+        refine_by_sides(Cone(direction, expected), frames, camera, _STIFFNESS)
+        for direction in (own.cone.direction, start.direction)
+    ]
+    found = max(options, key=lambda outline: outline.support)
+    fine = refine_place(found.cone, frames, camera)
+    gap = np.log(fine.cone.angular_radius_rad / expected)
+    warning = ("the mirror seems to be of another size than the others",) if abs(gap) > 0.04 else ()
+    return (fine if fine.support > SURE else found), warning
 
 
 def expected_radius(named: dict[str, Outline]) -> tuple[float, float]:
