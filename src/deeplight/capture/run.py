@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
+
 from deeplight.capture.catalogue import Clip
 from deeplight.capture.clip import Account, CaptureSettings, capture_clip
 from deeplight.capture.located import TagRig
@@ -66,6 +68,7 @@ class Capture:
 
     def work(self, job: ClipJob) -> Outcome:
         """Write a clip's shard and reports; one that cannot be used gives an empty shard."""
+        cv2.setNumThreads(1)  # a job is one thread; clips are what runs side by side
         account = Account(job.clip)
         try:
             self.shards.write(job.shard, capture_clip(account, self.settings, job.shard.number))
