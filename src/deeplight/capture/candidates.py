@@ -23,6 +23,7 @@ _RATIO = 1.1  # between neighbouring radii of the vote
 _FAINT = 0.2  # edges steadier than this vote; moving texture reaches 1 / sqrt(frames)
 _ANGLES = np.arange(72) * (2 * np.pi / 72)
 _LEAST_COVERAGE = 0.22  # of the outline of a sphere; chance circles of texture reach 0.2
+_CLEARER = 1.3  # a circle inside one by so much clearer is part of what that one shows
 _BORDER = 0.15  # centres may lie outside the picture by this share of its shorter side
 
 
@@ -204,8 +205,7 @@ def triples(candidates: list[Candidate], most: int = 4) -> list[tuple[float, lis
     Spheres of one size at nearly one distance have nearly one angular radius, and do not overlap.
     """
     scored = []
-    whole = [candidate for candidate in candidates if candidate.coverage > _LEAST_COVERAGE]
-    for three in combinations(whole, 3):
+    for three in combinations(_outermost(candidates), 3):
         radii = np.log([candidate.cone.angular_radius_rad for candidate in three])
         if np.ptp(radii) > np.log(1.6):
             continue
@@ -215,6 +215,21 @@ def triples(candidates: list[Candidate], most: int = 4) -> list[tuple[float, lis
         score = np.mean(coverage) + 0.5 * min(coverage) - 0.5 * (np.ptp(radii) / np.log(1.3)) ** 2
         scored.append((float(score), list(three)))
     return sorted(scored, key=lambda pair: -pair[0])[:most]
+
+
+def _outermost(candidates: list[Candidate]) -> list[Candidate]:
+    """Clear circles without those inside a larger and clearer one: what a mirror shows."""
+    return [
+        inner
+        for inner in candidates
+        if inner.coverage > _LEAST_COVERAGE
+        and not any(
+            outer.coverage > _CLEARER * inner.coverage
+            and outer.cone.angular_radius_rad > inner.cone.angular_radius_rad
+            and separation_rad(outer.cone, inner.cone) < outer.cone.angular_radius_rad
+            for outer in candidates
+        )
+    ]
 
 
 def _overlap(one: Cone, other: Cone) -> bool:
@@ -228,9 +243,8 @@ def completed(
 
     For a sphere without enough of an outline to be a candidate itself.
     """
-    clear = [c for c in candidates if c.coverage > _LEAST_COVERAGE]
     pairs: list[tuple[float, Cone, Cone]] = []
-    for one, other in combinations(clear, 2):
+    for one, other in combinations(_outermost(candidates), 2):
         uneven = abs(np.log(one.cone.angular_radius_rad / other.cone.angular_radius_rad))
         if uneven < np.log(1.15) and not _overlap(one.cone, other.cone):
             pairs.append((float(one.coverage + other.coverage - uneven), one.cone, other.cone))
@@ -241,7 +255,7 @@ def completed(
         a, b = (c.direction / np.sin(c.angular_radius_rad) for c in (left, right))
         for third in ((a + b) / 2, 2 * b - a, 2 * a - b):
             cone = Cone(normalised(third), float(np.arcsin(1 / np.linalg.norm(third))))
-            row, column = camera.pixel_of_directions(cone.direction)
+            row, column = (a[0] for a in camera.pixel_of_directions(cone.direction[None]))
             within = 0 < row < camera.height and 0 < column < camera.width
             if within and not (_overlap(cone, left) or _overlap(cone, right)):
                 threes.append([left, right, cone])
