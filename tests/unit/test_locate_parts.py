@@ -14,12 +14,18 @@ from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
 cv2 = pytest.importorskip("cv2")
 
 from deeplight.camera_response import encode  # noqa: E402
-from deeplight.capture.candidates import find_candidates, separation_rad, triples  # noqa: E402
+from deeplight.capture.candidates import (  # noqa: E402
+    Candidate,
+    completed,
+    find_candidates,
+    separation_rad,
+    triples,
+)
 from deeplight.capture.conic import Cone, pixel_scale  # noqa: E402
 from deeplight.capture.located import NotLocated, TagRig, cones_of  # noqa: E402
 from deeplight.capture.materials import name_spheres  # noqa: E402
 from deeplight.capture.motion import Evidence, persistent_edges  # noqa: E402
-from deeplight.capture.refine import Outline, refine  # noqa: E402
+from deeplight.capture.refine import Outline, refine, refine_by_sides  # noqa: E402
 from deeplight.capture.rig_file import read_rig_file, write_rig_file  # noqa: E402
 from deeplight.capture.sizes import expected_radius  # noqa: E402
 from deeplight.capture.tag import cones_beside_tag, tag_corners  # noqa: E402
@@ -108,6 +114,51 @@ def test_three_discs_that_stay_are_found_and_flipping_flips_them() -> None:
 
 def test_two_discs_are_not_three() -> None:
     assert found_in(frames_of(THREE[:2], 16)) == []
+
+
+def test_circles_that_a_mirror_shows_are_not_spheres() -> None:
+    """Three alike inside a clearer, larger circle are its reflections; beside it they count."""
+    small = [Candidate(cone_at(x, -0.4, 1.5), 0.4) for x in (-0.09, 0.0, 0.09)]
+    around = Candidate(cone_at(0.0, -0.4, 7.0), 0.7)
+    assert triples([around, *small]) == []
+    assert len(triples([Candidate(cone_at(0.0, 0.4, 7.0), 0.7), *small])) == 1
+
+
+def test_a_bar_is_completed_from_two_spheres() -> None:
+    places = np.array([[-0.2, -0.4, -1.0], [0.01, -0.41, -1.02], [0.22, -0.42, -1.04]])
+    reach = np.linalg.norm(places, axis=1)
+    bar = [
+        Cone(normalised(at), float(np.arcsin(0.07 / d))) for at, d in zip(places, reach, strict=True)
+    ]
+    for missing in range(3):
+        two = [Candidate(cone, 0.8) for i, cone in enumerate(bar) if i != missing]
+        thirds = [three[2] for three in completed(two, CAMERA)]
+        off = [separation_rad(third, bar[missing]) for third in thirds]
+        assert min(off) < 1e-6
+        third = thirds[int(np.argmin(off))]
+        assert third.angular_radius_rad == pytest.approx(bar[missing].angular_radius_rad, rel=1e-6)
+    assert completed([Candidate(bar[0], 0.8)], CAMERA) == []
+
+
+@pytest.mark.parametrize("off", [-0.04, 0.0, 0.04])
+def test_a_rim_without_an_edge_is_found_by_its_two_sides(off: float) -> None:
+    """Smooth inside, busy outside, of one mean brightness: what a mirror ball looks like."""
+    rng = np.random.default_rng(3)
+    frames = []
+    for _ in range(12):
+        noise = rng.uniform(0, 1, (CAMERA.height, CAMERA.width)).astype(np.float32)
+        world = 110 + 400 * (cv2.GaussianBlur(noise, (0, 0), 1.2) - 0.5)
+        ball = 110 + 8 * (cv2.GaussianBlur(noise, (0, 0), 1.2) - 0.5)
+        alpha = covered(THREE[1])
+        frames.append(np.clip(world * (1 - alpha) + ball * alpha, 0, 255).astype(np.uint8))
+    size = THREE[1].angular_radius_rad
+    start = cone_at(0.004, -0.404, np.degrees(size * (1 + off)))
+    held = refine_by_sides(start, frames, CAMERA, 0.001)
+    assert separation_rad(held.cone, THREE[1]) * pixel_scale(CAMERA) < 1.0
+    assert abs(held.cone.angular_radius_rad - size) * pixel_scale(CAMERA) < 1.0
+    stiff = refine_by_sides(start, frames, CAMERA, 1e6)
+    blur = 0.5 / pixel_scale(CAMERA)
+    assert stiff.cone.angular_radius_rad == pytest.approx(size * (1 + off) - blur, rel=2e-3)
 
 
 def lit_frames(order: tuple[str, ...], stops: float) -> tuple[list[Cone], list[np.ndarray]]:

@@ -43,6 +43,7 @@ class Args:
 
 def run(args: Args) -> None:
     """Train with a progress bar; export if asked to."""
+    from deeplight.cli.train_export import export_run
     from deeplight.cli.train_progress import TrainProgress
     from deeplight.training.devices import first_process
     from deeplight.training.loop import train
@@ -54,12 +55,3 @@ def run(args: Args) -> None:
         train(args.data, args.out, config, args.imagenet, progress.show, args.weights)
     if args.export is not None and first_process():
         export_run(args.out, args.export, data=args.data.rstrip("/").rsplit("/", 1)[-1])
-
-
-def export_run(run_dir: Path, path: Path, data: str = "", float16: bool = True) -> None:
-    """Write the best weights of a run as an ONNX file with its contract."""
-    from deeplight.export.onnx import export_onnx
-    from deeplight.training.release import contract_of, load_best
-
-    generator, header = load_best(run_dir)
-    export_onnx(generator, contract_of(header, data), path, float16)
