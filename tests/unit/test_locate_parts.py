@@ -128,7 +128,8 @@ def test_a_bar_is_completed_from_two_spheres() -> None:
     places = np.array([[-0.2, -0.4, -1.0], [0.01, -0.41, -1.02], [0.22, -0.42, -1.04]])
     reach = np.linalg.norm(places, axis=1)
     bar = [
-        Cone(normalised(at), float(np.arcsin(0.07 / d))) for at, d in zip(places, reach, strict=True)
+        Cone(normalised(at), float(np.arcsin(0.07 / d)))
+        for at, d in zip(places, reach, strict=True)
     ]
     for missing in range(3):
         two = [Candidate(cone, 0.8) for i, cone in enumerate(bar) if i != missing]
