@@ -4,7 +4,7 @@
 
 The clip is repeated to a longer one without coding it again. Times are processor time, so that
 other programs on the machine matter little. The flow is dense, at the size at which capture looks
-at it. Each measurement is its own process, with one thread. Peak memory is measured for the clip
+at it and at the clip's own. Each measurement is its own process, with one thread. Peak memory is measured for the clip
 and for one of a quarter of its length. With --workers the wall time of four clips is measured
 too, on one worker and on two: only a quiet machine gives 2.
 """
@@ -27,7 +27,7 @@ cv2.setNumThreads(1)
 flow = cv2.DISOpticalFlow.create(getattr(cv2, "DISOPTICAL_FLOW_PRESET_" + sys.argv[2]))
 start, last, count = time.process_time(), None, 0
 for still in stills(sys.argv[1]):
-    scale = WORKING_SIDE / min(still.luma.shape)
+    scale = WORKING_SIDE / min(still.luma.shape) if sys.argv[3] == "working" else 1
     small = cv2.resize(still.luma, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     if last is not None:
         flow.calc(last, small, None)
@@ -105,13 +105,15 @@ def main() -> None:
         folder = Path(name)
         long = longer(args.clip, folder / "long.mp4", args.repeat)
         short = longer(args.clip, folder / "short.mp4", max(1, args.repeat // 4))
-        flows = {name: measured(folder, FLOW, str(long), name) for name in ("FAST", "MEDIUM")}
+        kinds = ("FAST", "working"), ("MEDIUM", "working"), ("FAST", "full")
+        flows = {kind: measured(folder, FLOW, str(long), *kind) for kind in kinds}
         both = [measured(folder, CAPTURE, str(c), str(folder / c.stem), "1") for c in (short, long)]
         speed = both[1]["frames"] / both[1]["seconds"]
         print(f"capture: {speed:.1f} frames/s and core")
-        for name, flow in flows.items():
+        for (preset, size), flow in flows.items():
             alone = flow["frames"] / flow["seconds"]
-            print(f"decoding and DIS flow ({name}): {alone:.1f}; ratio {speed / alone:.2f}")
+            what = f"decoding and DIS flow ({preset}, {size} size)"
+            print(f"{what}: {alone:.1f}; ratio {speed / alone:.2f}")
         for one in both:
             told = f"{one['frames']:.0f} frames, {one['kept']:.0f} kept"
             print(f"  {told}: {one['seconds']:.1f} s of processor time, peak {one['MB']:.0f} MB")

