@@ -4,9 +4,9 @@
 
 The clip is repeated to a longer one without coding it again. Times are processor time, so that
 other programs on the machine matter little. The flow is dense, at the size at which capture looks
-at it and at the clip's own. Each measurement is its own process, with one thread. Peak memory is measured for the clip
-and for one of a quarter of its length. With --workers the wall time of four clips is measured
-too, on one worker and on two: only a quiet machine gives 2.
+at it and at the clip's own. Each measurement is its own process, with one thread. Peak memory is
+measured for the clip and for one of a quarter of its length. With --workers the wall time of four
+clips is measured too, on one worker and on two: only a quiet machine gives 2.
 """
 
 import argparse
