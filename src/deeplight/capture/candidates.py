@@ -251,12 +251,19 @@ def completed(
     pairs.sort(key=lambda pair: -pair[0])
     threes = []
     for _, left, right in pairs[:most]:
-        # Centres in units of the radius, which is one for all three.
-        a, b = (c.direction / np.sin(c.angular_radius_rad) for c in (left, right))
-        for third in ((a + b) / 2, 2 * b - a, 2 * a - b):
-            cone = Cone(normalised(third), float(np.arcsin(1 / np.linalg.norm(third))))
+        for cone in on_bar(left, right):
             row, column = (a[0] for a in camera.pixel_of_directions(cone.direction[None]))
             within = 0 < row < camera.height and 0 < column < camera.width
             if within and not (_overlap(cone, left) or _overlap(cone, right)):
                 threes.append([left, right, cone])
     return threes
+
+
+def on_bar(left: Cone, right: Cone) -> list[Cone]:
+    """Where a third sphere of the same size may be on an even, straight bar with two others."""
+    # Centres in units of the radius, which is one for all three.
+    a, b = (cone.direction / np.sin(cone.angular_radius_rad) for cone in (left, right))
+    return [
+        Cone(normalised(third), float(np.arcsin(1 / np.linalg.norm(third))))
+        for third in ((a + b) / 2, 2 * b - a, 2 * a - b)
+    ]

@@ -11,13 +11,12 @@ import numpy as np
 from jaxtyping import UInt8
 
 from deeplight.camera import PinholeCamera
+from deeplight.capture.candidates import on_bar, separation_rad
 from deeplight.capture.conic import Cone
 from deeplight.capture.refine import SURE, Outline, refine_by_sides, refine_place
 
-_USUAL_LOSS = 0.006  # how much too small the mirror is found as a rule: rings, not the rim
-_LEAST_SPREAD = 0.003  # of the sizes of spheres that are meant to be equally far away
-_STIFFNESS = 0.01
-_INWARD, _OUTWARD = 0.07, 0.025  # how far off the mirror's own outline may be
+_STIFFNESS = 0.01  # see `refine_by_sides`
+_NEAR = 0.3  # of its radius, within which the mirror may be where an even bar has it
 _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
 
 
@@ -33,10 +32,13 @@ def even_sizes(
     it was thought to be at first. Its own edge is taken instead where it is clear and agrees.
     """
     own = named["mirror"]
-    expected, _ = expected_radius(named)
+    expected = expected_radius(named)
+    places = [own.cone, start]
+    if own.support < SURE:
+        bar = on_bar(named["matte_silver"].cone, named["diffuse"].cone)
+        places += [at for at in bar if separation_rad(at, start) < _NEAR * expected]
     options = [
-        refine_by_sides(Cone(direction, expected), frames, camera, _STIFFNESS)
-        for direction in (own.cone.direction, start.direction)
+        refine_by_sides(Cone(at.direction, expected), frames, camera, _STIFFNESS) for at in places
     ]
     found = max(options, key=lambda outline: outline.support)
     fine = refine_place(found.cone, frames, camera)
@@ -45,8 +47,8 @@ def even_sizes(
     return (fine if fine.support > SURE else found), warning
 
 
-def expected_radius(named: dict[str, Outline]) -> tuple[float, float]:
-    """The angular radius that the two others expect of the mirror, and the spread of its logarithm.
+def expected_radius(named: dict[str, Outline]) -> float:
+    """The angular radius that the two others expect of the mirror.
 
     As far away as they are; or, where they or the mirror show that distances differ, as far as it
     is when all three stand evenly on a straight line.
@@ -61,8 +63,8 @@ def expected_radius(named: dict[str, Outline]) -> tuple[float, float]:
         # Its rings make a mirror look too small, never too large.
         larger = np.log(mirror.angular_radius_rad / same) > 0.5 * np.log(row / same) > 0.5 * _UNEVEN
         if differ > _UNEVEN or (between and larger):
-            return row, float(np.hypot(_LEAST_SPREAD, 0.5 * differ))
-    return same, float(np.hypot(_LEAST_SPREAD, differ))
+            return row
+    return same
 
 
 def _in_a_row(mirror: Cone, silver: Cone, diffuse: Cone) -> tuple[float, bool] | None:
