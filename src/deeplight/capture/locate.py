@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from deeplight.camera import PinholeCamera
 from deeplight.capture import overlay
@@ -239,8 +238,3 @@ def _located(
     ovals = {name: ellipse(clip.camera, cone) for name, cone in cones.items()}
     rig = rig_of(cones, clip.how.name)
     return Located(rig, distance, confidence, ovals, warnings, method, picture)
-
-
-def unit_vectors(located: Located) -> dict[str, Float[np.ndarray, "3"]]:
-    """Direction to each sphere's centre, camera frame."""
-    return {name: cone.direction for name, cone in cones_of(located.rig).items()}

@@ -156,8 +156,8 @@ def _fine(
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-0.7 * reach, reach))
         if not inside.any():
             return Outline(cone, 0.0, 0.0, np.inf)
-        sigma = min(_SHARPNESS_PX, key=lambda s: step_cost(profiles, offsets, s)[1].min(1).mean())
-        places, cost = step_cost(profiles, offsets, sigma)
+        fits = [step_cost(profiles, offsets, sigma) for sigma in _SHARPNESS_PX]
+        places, cost = min(fits, key=lambda fit: fit[1].min(axis=1).mean())
         if not last:
             cone = _moved_to_best(cone, places, cost, inside, camera, held)
     return _judged(cone, places, cost, inside, _HIT_PX)

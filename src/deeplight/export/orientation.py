@@ -113,9 +113,7 @@ def turned_for(
     Raises:
         InputError: no such tool, or the width is no multiple of 4.
     """
-    if tool not in TOOLS:
-        raise InputError(f"one of {', '.join(sorted(TOOLS))}", repr(tool), "name one of them")
-    return TOOLS[tool].turn.of(latlong)
+    return _turn_for(tool).of(latlong)
 
 
 def turned_from(
@@ -126,10 +124,13 @@ def turned_from(
     Raises:
         InputError: no such tool, or the width is no multiple of 4.
     """
+    return Turn(view_u=(1 - _turn_for(tool).view_u) % 1).of(latlong)
+
+
+def _turn_for(tool: str) -> Turn:
     if tool not in TOOLS:
         raise InputError(f"one of {', '.join(sorted(TOOLS))}", repr(tool), "name one of them")
-    turn = TOOLS[tool].turn
-    return Turn(view_u=(1 - turn.view_u) % 1).of(latlong)
+    return TOOLS[tool].turn
 
 
 CUBE_TOOLS = {
