@@ -2,17 +2,20 @@
 
 Order 00, 1-1, 10, 11, 2-2, 2-1, 20, 21, 22 = 1, y, z, x, xy, yz, 3z^2-1, xz, x^2-y^2 in the
 camera frame, all constants positive (three.js, Ramamoorthi and Hanrahan 2001). ARCore's sign
-negates coefficients 1, 3, 5 and 7. Coefficients are of radiance.
+negates coefficients 1, 3, 5 and 7. Higher orders go on the same way, without the
+Condon-Shortley sign. Coefficients are of radiance.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import factorial
 
 import numpy as np
 from jaxtyping import Float
 
 from deeplight import latlong, mirror_ball
 from deeplight.camera_response import LUMINANCE
+from deeplight.frames import Rotation, turned
 from deeplight.lighting import Lighting
 
 CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1], np.float32)
@@ -21,31 +24,67 @@ _LAMBERT = np.pi * np.array([1.0] + [2 / 3] * 3 + [1 / 4] * 5)  # the cosine ker
 Coefficients = Float[np.ndarray, "9 3"]
 
 
-def basis(directions: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 9"]:
-    """The nine real harmonics up to order 2 in unit directions."""
+def basis(
+    directions: Float[np.ndarray, "*batch 3"], order: int = 2
+) -> Float[np.ndarray, "*batch coefficients"]:
+    """The (order + 1)^2 real harmonics up to `order` in unit directions.
+
+    Harmonic l, m stands at l (l + 1) + m: the associated Legendre function without the
+    Condon-Shortley sign, times cos(m phi) at m > 0 and sin(-m phi) at m < 0, phi from +X to +Y.
+    """
     x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
-    return np.stack(
-        [
-            np.full_like(x, 0.28209479),
-            0.48860251 * y,
-            0.48860251 * z,
-            0.48860251 * x,
-            1.09254843 * x * y,
-            1.09254843 * y * z,
-            0.31539157 * (3 * z * z - 1),
-            1.09254843 * x * z,
-            0.54627422 * (x * x - y * y),
-        ],
-        axis=-1,
-    )
+    result = np.empty((*x.shape, (order + 1) ** 2), directions.dtype)
+    cosine, sine = np.ones_like(x), np.zeros_like(x)  # of m phi, times sin(theta)^m
+    for m in range(order + 1):
+        below, here = np.zeros_like(x), np.full_like(x, _odd_factorial(m))  # Legendre / sin^m
+        for degree in range(m, order + 1):
+            scaled = here * x.dtype.type(_norm(degree, m))
+            result[..., degree * (degree + 1) + m] = scaled * cosine
+            if m:
+                result[..., degree * (degree + 1) - m] = scaled * sine
+            above = ((2 * degree + 1) * z * here - (degree + m) * below) / (degree + 1 - m)
+            below, here = here, above
+        cosine, sine = cosine * x - sine * y, cosine * y + sine * x
+    return result
 
 
-def project(lighting: Lighting) -> Coefficients:
+def turning(new_from_old: Rotation, order: int) -> Float[np.ndarray, "n n"]:
+    """The matrix that takes coefficients of light to those of the same light in a turned frame."""
+    directions, weights = _quadrature(order)
+    old = basis(directions, order)
+    return basis(turned(directions, new_from_old), order).T @ (weights[:, None] * old)
+
+
+def project(lighting: Lighting, order: int = 2) -> Float[np.ndarray, "coefficients 3"]:
     """Radiance coefficients of lighting: its integral against each harmonic."""
     directions, inside = mirror_ball.subpixels(lighting.size)
-    values = (basis(directions) * inside[..., None]).sum(1) / inside.sum(1, keepdims=True).clip(1)
+    values = (basis(directions, order) * inside[..., None]).sum(1)
+    values /= inside.sum(1, keepdims=True).clip(1)
     weighted = values * mirror_ball.solid_angles(lighting.size).reshape(-1, 1)
     return (weighted.T @ lighting.radiance.reshape(-1, 3)).astype(np.float32)
+
+
+def _odd_factorial(m: int) -> float:
+    """1 x 3 x 5 ... (2 m - 1)."""
+    return float(np.prod(np.arange(1, 2 * m, 2, dtype=float)))
+
+
+def _norm(degree: int, m: int) -> float:
+    ratio = factorial(degree - m) / factorial(degree + m)
+    return float(np.sqrt((2 * degree + 1) / (4 * np.pi) * ratio * (2 if m else 1)))
+
+
+@lru_cache(maxsize=8)
+def _quadrature(
+    order: int,
+) -> tuple[Float[np.ndarray, "directions 3"], Float[np.ndarray, "directions"]]:
+    """Directions and weights that integrate products of two harmonics up to `order` exactly."""
+    heights, weights = np.polynomial.legendre.leggauss(order + 1)
+    angles = np.arange(2 * order + 1) * (2 * np.pi / (2 * order + 1))
+    z, angle = (grid.ravel() for grid in np.meshgrid(heights, angles, indexing="ij"))
+    ring = np.sqrt(1 - z * z)
+    directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], -1)
+    return directions, np.repeat(weights, len(angles)) * (2 * np.pi / len(angles))
 
 
 def irradiance(

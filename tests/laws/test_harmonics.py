@@ -56,6 +56,34 @@ def test_order_and_signs_are_pinned() -> None:
     np.testing.assert_allclose(harmonics.basis(np.array([x, y, z])), want, atol=1e-5)
 
 
+def test_higher_orders_are_orthonormal_and_follow_the_same_signs() -> None:
+    values = harmonics.basis(latlong.directions(256, 512).astype(float), 4).reshape(-1, 25)
+    gram = (values * latlong.solid_angles(256, 512).reshape(-1, 1)).T @ values
+    np.testing.assert_allclose(gram, np.eye(25), atol=1e-3)
+    x, y, z = 2 / 7, 3 / 7, 6 / 7
+    got = harmonics.basis(np.array([x, y, z]), 4)
+    np.testing.assert_allclose(got[:9], harmonics.basis(np.array([x, y, z])), atol=1e-12)
+    want = {
+        9: 0.590044 * y * (3 * x * x - y * y),
+        12: 0.373176 * z * (5 * z * z - 3),
+        15: 0.590044 * x * (x * x - 3 * y * y),
+        16: 2.503343 * x * y * (x * x - y * y),
+        20: 0.105786 * (35 * z**4 - 30 * z * z + 3),
+    }
+    np.testing.assert_allclose(got[list(want)], list(want.values()), atol=1e-5)
+
+
+def test_turning_coefficients_is_turning_the_light(rng: np.random.Generator) -> None:
+    new_from_old = frames.world_from_camera(0.4, 0.7, -0.3)
+    old = rng.normal(size=(25, 3))
+    new = harmonics.turning(new_from_old, 4) @ old
+    seen = frames.turned(DIRECTIONS.astype(float), new_from_old)
+    expected = harmonics.basis(DIRECTIONS.astype(float), 4) @ old
+    np.testing.assert_allclose(harmonics.basis(seen, 4) @ new, expected, atol=1e-10)
+    back = frames.turned(DIRECTIONS.astype(float), new_from_old.T)
+    assert np.abs(harmonics.basis(back, 4) @ new - expected).max() > 0.5  # the other way round
+
+
 def test_arcores_sign_negates_1_3_5_7() -> None:
     assert np.flatnonzero(harmonics.CONDON_SHORTLEY < 0).tolist() == [1, 3, 5, 7]
 
