@@ -14,7 +14,7 @@ EXTRAS := capture,cluster,dev,heic,render,train
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint ci bench results round-trip clean
+.PHONY: help run test lint ci bench results round-trip web web-test web-e2e clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
@@ -24,6 +24,8 @@ help:
 	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
 	@echo "make results evaluate the model on DATA and rewrite the numbers in the documents"
 	@echo "make round-trip  our light in Mitsuba, Blender, three.js, Babylon.js (node, chromium)"
+	@echo "make web    build the live page that \`deeplight demo\` serves (node 20 or newer)"
+	@echo "make web-test, web-e2e   its unit tests; the built page in a real browser"
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.installed-base
@@ -76,8 +78,25 @@ round-trip: $(VENV)/.installed-test .round-trip/.installed
 		babylonjs@9.34.0 babylonjs-loaders@9.28.0
 	@touch $@
 
+# The live page. Its JavaScript is built once; `deeplight demo` and the wheel need no node.
+
+web: web/node_modules/.installed
+	npm run --silent --prefix web build
+
+web-test: web/node_modules/.installed
+	npm run --silent --prefix web check
+	npm run --silent --prefix web test
+
+web-e2e: web
+	npm run --silent --prefix web e2e
+
+web/node_modules/.installed: web/package-lock.json
+	@command -v npm >/dev/null || { echo "needs node 20 or newer and npm (Debian: apt-get install nodejs npm)"; exit 2; }
+	npm ci --silent --no-audit --no-fund --prefix web
+	@touch $@
+
 clean:
-	rm -rf .round-trip $(VENV) .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
+	rm -rf web/node_modules src/deeplight/demo/site .round-trip $(VENV) .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
 
 # Stamps, so that a second `make` starts at once and a changed dependency list installs again.
 
