@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -53,11 +54,11 @@ class Chart:
     width, height = WIDTH, HEIGHT
     left, right, top, bottom = LEFT, WIDTH - RIGHT, TOP, HEIGHT - BOTTOM
 
-    @property
+    @cached_property
     def x_limits(self) -> tuple[float, float]:
         return _limits([x for curve in self.curves for x in curve.x])
 
-    @property
+    @cached_property
     def y_limits(self) -> tuple[float, float]:
         values = [y for curve in self.curves for y in curve.y]
         ticks = round_numbers(*_limits(values if self.level is None else [*values, self.level]))
