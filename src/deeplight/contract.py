@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from types import MappingProxyType
 from typing import Any
 
 from deeplight.brdf import REFLECTIVITY
@@ -26,6 +27,18 @@ CONTRACT_KEY = "deeplight.contract"
 
 CONTRACT_VERSION = 1
 
+SERVED: Mapping[str, str] = MappingProxyType(
+    {
+        "input_layout": "NCHW, RGB, gamma-encoded",
+        "output_layout": "NCHW, RGB",
+        "output_quantity": "ln radiance",
+        "output_mapping": "mirror ball",
+        "output_frame": "camera: +X right, +Y up, +Z towards the camera",
+        "output_unit": "1.0 = the camera's white",
+    }
+)
+"""Entries of a contract that can have one value only: what this version knows to do."""
+
 _REMEDY = "use a model exported by this version of deeplight, or update deeplight"
 
 
@@ -42,18 +55,18 @@ class ModelContract:
 
     version: int = CONTRACT_VERSION
     input_name: str = "photo"
-    input_layout: str = "NCHW, RGB, gamma-encoded"
+    input_layout: str = SERVED["input_layout"]
     width: int = BACKGROUND_WIDTH
     height: int = BACKGROUND_HEIGHT
     input_low: float = -0.5  # value of pixel 0
     input_high: float = 0.5  # value of pixel 255
     output_name: str = "log_radiance"
-    output_layout: str = "NCHW, RGB"
+    output_layout: str = SERVED["output_layout"]
     output_size: int = 32
-    output_quantity: str = "ln radiance"  # the caller applies exp, in float32
-    output_mapping: str = "mirror ball"
-    output_frame: str = "camera: +X right, +Y up, +Z towards the camera"
-    output_unit: str = "1.0 = the camera's white"
+    output_quantity: str = SERVED["output_quantity"]  # the caller applies exp, in float32
+    output_mapping: str = SERVED["output_mapping"]
+    output_frame: str = SERVED["output_frame"]
+    output_unit: str = SERVED["output_unit"]
     vertical_fov_deg: float = round(
         math.degrees(TRAINED_VERTICAL_FOV_RAD), 9
     )  # of the full training frame
@@ -85,15 +98,7 @@ class ModelContract:
     def __post_init__(self) -> None:
         if self.version != CONTRACT_VERSION:
             raise _unknown_version(self.version)
-        served = {
-            "input_layout": "NCHW, RGB, gamma-encoded",
-            "output_layout": "NCHW, RGB",
-            "output_quantity": "ln radiance",
-            "output_mapping": "mirror ball",
-            "output_frame": "camera: +X right, +Y up, +Z towards the camera",
-            "output_unit": "1.0 = the camera's white",
-        }
-        for name, value in served.items():
+        for name, value in SERVED.items():
             if getattr(self, name) != value:
                 got = f"{getattr(self, name)!r}"
                 raise ModelError(f"a model whose {name} is {value!r}", got, _REMEDY)

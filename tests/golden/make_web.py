@@ -1,0 +1,204 @@
+"""Make what the live page shares with Python: python tests/golden/make_web.py.
+
+The constants go to web/src/contract/generated.ts, golden values to web/tests/golden. Nothing in
+them is typed by hand on either side.
+"""
+
+import base64
+import inspect
+import json
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from make_nouns import light
+from PIL import Image
+
+from deeplight import brdf, camera_response, contract, harmonics, mirror_ball, preprocess
+from deeplight.contract import ModelContract
+from deeplight.estimate.onnx_estimator import WHOLE_VIEW, OnnxEstimator
+from deeplight.estimate.results import write_results
+from deeplight.frames import turned, world_from_camera
+from deeplight.io import lighting_file
+from deeplight.lighting import LIGHTING_SIZE, Lighting
+from deeplight.relight import relight_rig
+from deeplight.sphere import PAPER_RIG
+
+ROOT = Path(__file__).resolve().parents[2]
+GENERATED = ROOT / "web/src/contract/generated.ts"
+GOLDEN = ROOT / "web/tests/golden"
+TURN = world_from_camera(0.7, -0.4, 0.2)
+
+
+def generated() -> str:
+    """The TypeScript file of constants."""
+    lines = ["// Made by tests/golden/make_web.py from the Python package. Do not edit."]
+    for name, value in constants().items():
+        text = json.dumps(value, indent=2, ensure_ascii=False)
+        lines.append(f"export const {name} = {text} as const;")
+    return "\n\n".join(lines) + "\n"
+
+
+def constants() -> dict[str, Any]:
+    """Every number and word that both sides must know."""
+    cone = inspect.signature(harmonics.dominant_light).parameters["cone_rad"].default
+    rig = {
+        name: {
+            "ballFromCamera": view.ball_from_camera.round(12).ravel().tolist(),
+            "angularRadiusRad": round(view.angular_radius_rad, 12),
+        }
+        for name, view in PAPER_RIG.views.items()
+    }
+    return {
+        "CONTRACT_KEY": contract.CONTRACT_KEY,
+        "CONTRACT": asdict(ModelContract()),
+        "SERVED": dict(contract.SERVED),
+        "LIGHTING_SIZE": LIGHTING_SIZE,
+        "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,
+        "WHOLE_VIEW": WHOLE_VIEW,
+        "GAMMA": camera_response.GAMMA,
+        "SOFT_CLIP_N": camera_response.SOFT_CLIP_N,
+        "LUMINANCE": camera_response.LUMINANCE.tolist(),
+        "REFLECTIVITY": brdf.REFLECTIVITY,
+        "MATTE_SILVER_ROUGHNESS": brdf.MATTE_SILVER_ROUGHNESS,
+        "PAPER_RIG": rig,
+        "MAIN_LIGHT_CONE_RAD": cone,
+        "CONDON_SHORTLEY": harmonics.CONDON_SHORTLEY.tolist(),
+        "LATLONG_HEIGHT": lighting_file.LATLONG_HEIGHT,
+        "LIGHTING_FILE": lighting_file_words(),
+    }
+
+
+def lighting_file_words() -> dict[str, Any]:
+    """The entries of a lighting file that are the same for every light."""
+    with TemporaryDirectory() as folder:
+        white = Lighting(np.ones((LIGHTING_SIZE, LIGHTING_SIZE, 3), np.float32))
+        files = lighting_file.save_lighting(white, f"{folder}/white")
+        record = json.loads(files[-1].read_text())
+    record["environment"]["files"] = []
+    for entry in [record, *(record[part] for part in record if isinstance(record[part], dict))]:
+        numbers = [key for key, value in entry.items() if _is_result(key, value)]
+        for key in numbers:
+            entry[key] = None
+    return record
+
+
+def _is_result(key: str, value: Any) -> bool:
+    return key in ("radiance", "share_of_power") or (isinstance(value, list) and key != "files")
+
+
+def light_golden() -> dict[str, Any]:
+    """One light and everything that is computed from it."""
+    lighting = light()
+    main = harmonics.dominant_light(lighting)
+    sent = np.random.default_rng(5).normal(size=(40, 3))
+    sent /= np.linalg.norm(sent, axis=1, keepdims=True)
+    linear = np.array([0, 1e-3, 0.2, 0.8, 0.99, 1, 1.1, 5], float)
+    normals = sent[:8]
+    return {
+        "radiance": packed(lighting.radiance),
+        "directions": packed(sent),
+        "ball_pixel": mirror_ball.pixel_of_directions(sent, 32).tolist(),
+        "ball_uv": packed(np.stack(mirror_ball.uv_from_directions(sent), -1)),
+        "pixel_directions_9": packed(mirror_ball.pixel_directions(9)),
+        "coverage": {str(n): packed(mirror_ball.coverage(n)) for n in (5, 32)},
+        "linear": packed(linear),
+        "pixel": packed(camera_response.encode(camera_response.soft_clip(linear))),
+        "basis_6": packed(harmonics.basis(sent, 6)),
+        "harmonics": {str(n): packed(harmonics.project(lighting, n)) for n in (2, 6)},
+        "irradiance": packed(harmonics.irradiance(harmonics.project(lighting), normals)),
+        "turn": TURN.ravel().tolist(),
+        "turned": packed(area_turned(lighting, TURN)),
+        "turned_harmonics": packed(harmonics.project(lighting.rotated(TURN))),
+        "equirect_16": packed(lighting.latlong(16)),
+        "spheres": {n: packed(s) for n, s in relight_rig(PAPER_RIG, lighting).items()},
+        "main_light": {
+            "direction": packed(main.direction),
+            "irradiance": packed(main.irradiance),
+            "share": main.share,
+            "angular_radius_rad": main.angular_radius_rad,
+            "remainder_harmonics": packed(harmonics.project(main.remainder)),
+        },
+    }
+
+
+def area_turned(lighting: Lighting, new_from_old: np.ndarray) -> np.ndarray:
+    """The light turned as the page does it: the mean over 4 x 4 places in each new pixel."""
+    directions, inside = mirror_ball.subpixels(lighting.size)
+    old = mirror_ball.pixel_of_directions(turned(directions, new_from_old.T), lighting.size)
+    seen = lighting.radiance.reshape(-1, 3)[old] * inside[..., None]
+    means = seen.sum(axis=1) / np.maximum(inside.sum(axis=1), 1)[:, None]
+    return means.reshape(lighting.radiance.shape)
+
+
+def photo_golden() -> dict[str, Any]:
+    """Photos, what the network is shown of them, and the light of one."""
+    estimator = OnnxEstimator(threads=1)
+    sizes = [(1920, 1080, None), (1080, 1920, None), (600, 800, 0.9), (37, 23, 0.3), (50, 50, 2.4)]
+    photo = example_photo()
+    framing = preprocess.frame_photo(*photo.shape[:2], contract=estimator.contract)
+    shown = preprocess.network_input(photo, framing)
+    return {
+        "framings": [_framing(*size) for size in sizes],
+        "averages": [_average(*size) for size in [(37, 23, 0.3), (37, 23, 1.15), (9, 70, 2.0)]],
+        "model_sha256": estimator.sha256,
+        "photo": {"height": photo.shape[0], "width": photo.shape[1], "rgb": as_text(photo)},
+        "shown_every_16th_row": packed(shown[:, ::16]),
+        "log_radiance": packed(estimator.estimate_inputs(shown[None])[0]),
+        "record": _record(estimator),
+    }
+
+
+def example_photo() -> np.ndarray:
+    """A photo small enough to store."""
+    path = sorted((ROOT / "examples/photos").glob("*.jpg"))[0]
+    with Image.open(path) as picture:
+        return np.asarray(picture.convert("RGB").reduce(max(picture.size) // 160))
+
+
+def _framing(height: int, width: int, fov_rad: float | None) -> dict[str, Any]:
+    framing = preprocess.frame_photo(height, width, fov_rad)
+    shares = {name: getattr(framing, name) for name in ("visible_fraction", "used_fraction")}
+    return {"given_fov_rad": fov_rad, **asdict(framing), **shares}
+
+
+def _average(height: int, width: int, fov_rad: float) -> dict[str, Any]:
+    photo = np.random.default_rng(height).integers(0, 256, (height, width, 3), np.uint8)
+    small = ModelContract(width=9, height=12)
+    framing = preprocess.frame_photo(height, width, fov_rad, contract=small)
+    cells = preprocess.network_input(photo, framing)
+    return {"framing": asdict(framing), "rgb": as_text(photo), "cells": packed(cells)}
+
+
+def _record(estimator: OnnxEstimator) -> dict[str, Any]:
+    """The JSON file of `deeplight estimate`, but for its largest entry."""
+    with TemporaryDirectory() as folder:
+        write_results(estimator.explain(example_photo()), estimator, Path(folder), "photo")
+        record: dict[str, Any] = json.loads((Path(folder) / "photo.json").read_text())
+    del record["mirror_ball"]["radiance"]
+    return record
+
+
+def packed(values: np.ndarray) -> dict[str, Any]:
+    """An array as text: base64 of 32-bit floats, little-endian."""
+    return {"shape": list(values.shape), "float32": as_text(np.asarray(values, "<f4"))}
+
+
+def as_text(values: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
+
+
+def golden_files() -> dict[str, dict[str, Any]]:
+    """The golden values by file name."""
+    return {
+        "light.json": light_golden(),
+        "photo.json": photo_golden(),
+    }
+
+
+if __name__ == "__main__":
+    GENERATED.write_text(generated(), encoding="utf-8")
+    for name, values in golden_files().items():
+        (GOLDEN / name).write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,162 @@
+// Made by tests/golden/make_web.py from the Python package. Do not edit.
+
+export const CONTRACT_KEY = "deeplight.contract" as const;
+
+export const CONTRACT = {
+  "version": 1,
+  "input_name": "photo",
+  "input_layout": "NCHW, RGB, gamma-encoded",
+  "width": 135,
+  "height": 192,
+  "input_low": -0.5,
+  "input_high": 0.5,
+  "output_name": "log_radiance",
+  "output_layout": "NCHW, RGB",
+  "output_size": 32,
+  "output_quantity": "ln radiance",
+  "output_mapping": "mirror ball",
+  "output_frame": "camera: +X right, +Y up, +Z towards the camera",
+  "output_unit": "1.0 = the camera's white",
+  "vertical_fov_deg": 66.0,
+  "frame_aspect": 0.5625,
+  "background_top": 0.0,
+  "background_fraction": 0.8,
+  "gamma": 2.2,
+  "soft_clip_n": 40.0,
+  "reflectivity": {
+    "mirror": 0.827,
+    "matte_silver": 0.644,
+    "diffuse": 0.345
+  },
+  "trained_on": ""
+} as const;
+
+export const SERVED = {
+  "input_layout": "NCHW, RGB, gamma-encoded",
+  "output_layout": "NCHW, RGB",
+  "output_quantity": "ln radiance",
+  "output_mapping": "mirror ball",
+  "output_frame": "camera: +X right, +Y up, +Z towards the camera",
+  "output_unit": "1.0 = the camera's white"
+} as const;
+
+export const LIGHTING_SIZE = 32 as const;
+
+export const ASSUMED_LONG_SIDE_FOV_RAD = 1.1519173063162575 as const;
+
+export const WHOLE_VIEW = 0.995 as const;
+
+export const GAMMA = 2.2 as const;
+
+export const SOFT_CLIP_N = 40.0 as const;
+
+export const LUMINANCE = [
+  0.2126,
+  0.7152,
+  0.0722
+] as const;
+
+export const REFLECTIVITY = {
+  "mirror": 0.827,
+  "matte_silver": 0.644,
+  "diffuse": 0.345
+} as const;
+
+export const MATTE_SILVER_ROUGHNESS = 0.3 as const;
+
+export const PAPER_RIG = {
+  "mirror": {
+    "ballFromCamera": [
+      0.976813258244,
+      0.0,
+      -0.214093107126,
+      -0.096886079546,
+      0.891743192545,
+      -0.442048827777,
+      0.19091607085,
+      0.452541797571,
+      0.871066573427
+    ],
+    "angularRadiusRad": 0.06671614841
+  },
+  "matte_silver": {
+    "ballFromCamera": [
+      1.0,
+      -0.0,
+      0.0,
+      0.0,
+      0.887388881483,
+      -0.461021662203,
+      -0.0,
+      0.461021662203,
+      0.887388881483
+    ],
+    "angularRadiusRad": 0.06671614841
+  },
+  "diffuse": {
+    "ballFromCamera": [
+      0.976813258244,
+      -0.0,
+      0.214093107126,
+      0.096886079546,
+      0.891743192545,
+      -0.442048827777,
+      -0.19091607085,
+      0.452541797571,
+      0.871066573427
+    ],
+    "angularRadiusRad": 0.06671614841
+  }
+} as const;
+
+export const MAIN_LIGHT_CONE_RAD = 0.35 as const;
+
+export const CONDON_SHORTLEY = [
+  1.0,
+  -1.0,
+  1.0,
+  -1.0,
+  1.0,
+  -1.0,
+  1.0,
+  -1.0,
+  1.0
+] as const;
+
+export const LATLONG_HEIGHT = 256 as const;
+
+export const LIGHTING_FILE = {
+  "format": "deeplight lighting",
+  "format_version": 1,
+  "frame": "camera: +X right, +Y up, +Z towards the camera; the camera looks along -Z",
+  "unit": "linear radiance; 1.0 is the camera's white, where a pixel of the photo just saturates",
+  "environment": {
+    "files": [],
+    "mapping": "equirectangular, top row up (+Y), seen from inside",
+    "height": 256,
+    "width": 512,
+    "made_for": null,
+    "view_u": 0.5,
+    "axes": "our own"
+  },
+  "dominant_light": {
+    "primary_light_direction": null,
+    "primary_light_intensity": null,
+    "meaning": "direction: unit vector towards the light; intensity: RGB irradiance on a surface that faces it, radiance unit times sr",
+    "share_of_power": null
+  },
+  "spherical_harmonics": {
+    "quantity": "radiance of the whole environment, dominant light included",
+    "order": "00, 1-1, 10, 11, 2-2, 2-1, 20, 21, 22, each RGB",
+    "basis": "orthonormal real harmonics in x, y, z of the frame above",
+    "spherical_harmonics_coefficients": null,
+    "sign": "all positive (three.js, Ramamoorthi and Hanrahan 2001)",
+    "spherical_harmonics_coefficients_condon_shortley": null,
+    "sign_condon_shortley": "1, 3, 5 and 7 negated (ARCore, WebXR in Chromium)"
+  },
+  "mirror_ball": {
+    "size": 32,
+    "encoding": "base64 of float32, little-endian, rows from the top, RGB",
+    "radiance": null
+  }
+} as const;

@@ -1,0 +1,181 @@
+/**
+ * The rig's three spheres in any light: mirror, matte silver, diffuse, where the paper's rig holds
+ * them (reflectance.analytic_basis). A basis holds, for each pixel of the crop, the weight of each
+ * pixel of light; the solid angle is inside it.
+ */
+import {
+  LIGHTING_SIZE,
+  MATTE_SILVER_ROUGHNESS,
+  PAPER_RIG,
+  REFLECTIVITY,
+} from "../contract/generated.ts";
+import { type Matrix3x3, transposed, turned, type Vector3 } from "./matrix.ts";
+import { coverage, pixelOfDirection, subpixels } from "./mirror-ball.ts";
+
+export type SphereName = keyof typeof REFLECTIVITY;
+export const SPHERES = Object.keys(REFLECTIVITY) as SphereName[];
+
+/** Side of a sphere's crop in pixels, the same as that of the light. */
+export const SPHERE_SIZE = LIGHTING_SIZE;
+
+const LIGHTS = LIGHTING_SIZE ** 2;
+const bases = new Map<SphereName, Float32Array>();
+
+/** Linear radiance of a sphere, RGB; zero off the sphere (equation 1). */
+export function relit(name: SphereName, radiance: Float32Array): Float32Array {
+  const weights = basisOf(name);
+  const result = new Float32Array(3 * SPHERE_SIZE ** 2);
+  coverage(SPHERE_SIZE).forEach((share, pixel) => {
+    if (share === 0) return;
+    let [red, green, blue] = [0, 0, 0];
+    for (let light = 0, at = pixel * LIGHTS; light < LIGHTS; light++, at++) {
+      const weight = weights[at]!;
+      red += weight * radiance[3 * light]!;
+      green += weight * radiance[3 * light + 1]!;
+      blue += weight * radiance[3 * light + 2]!;
+    }
+    result.set([red, green, blue], 3 * pixel);
+  });
+  return result;
+}
+
+/** A sphere's basis; made when first asked for, which takes a while: see `prepareSpheres`. */
+export function basisOf(name: SphereName): Float32Array {
+  let weights = bases.get(name);
+  if (weights === undefined) {
+    weights = makeBasis(name);
+    bases.set(name, weights);
+  }
+  return weights;
+}
+
+/** Makes all bases in a worker, so that `relit` never has to. */
+export async function prepareSpheres(): Promise<void> {
+  const worker = new Worker(new URL("./spheres-worker.ts", import.meta.url), { type: "module" });
+  try {
+    await new Promise<void>((done, failed) => {
+      worker.onmessage = ({ data }: MessageEvent<[SphereName, Float32Array][]>) => {
+        for (const [name, weights] of data) bases.set(name, weights);
+        done();
+      };
+      worker.onerror = (event) => failed(new Error(event.message));
+    });
+  } finally {
+    worker.terminate();
+  }
+}
+
+export function makeBasis(name: SphereName): Float32Array {
+  const weights = { mirror, matte_silver: matteSilver, diffuse }[name]();
+  const reflectivity = REFLECTIVITY[name];
+  coverage(SPHERE_SIZE).forEach((share, pixel) => {
+    const row = weights.subarray(pixel * LIGHTS, (pixel + 1) * LIGHTS);
+    const sum =
+      name === "diffuse"
+        ? 1
+        : Math.max(
+            row.reduce((a, b) => a + b, 0),
+            1e-9,
+          );
+    const scale = share > 0 ? reflectivity / sum : 0;
+    for (let light = 0; light < LIGHTS; light++) row[light]! *= scale;
+  });
+  return weights;
+}
+
+/** Counts which pixel of light each of 8 x 8 places in a pixel shows. */
+function mirror(): Float32Array {
+  const weights = new Float32Array(LIGHTS * SPHERE_SIZE ** 2);
+  eachPlace(8, (pixel, u, v) => {
+    if (Math.hypot(u, v) > 1) return;
+    const { normal, view } = surface("mirror", u, v);
+    const along = 2 * dot(normal, view);
+    const shown: Vector3 = [
+      along * normal[0] - view[0],
+      along * normal[1] - view[1],
+      along * normal[2] - view[2],
+    ];
+    weights[pixel * LIGHTS + pixelOfDirection(shown, LIGHTING_SIZE)]! += 1;
+  });
+  return weights;
+}
+
+/** Lambert's cosine at 2 x 2 places in each pixel. */
+function diffuse(): Float32Array {
+  const weights = new Float32Array(LIGHTS * SPHERE_SIZE ** 2);
+  const { pixel: light, direction, solidAngle } = subpixels(LIGHTING_SIZE);
+  eachPlace(2, (pixel, u, v) => {
+    const [x, y, z] = surface("diffuse", u, v).normal;
+    const row = weights.subarray(pixel * LIGHTS, (pixel + 1) * LIGHTS);
+    for (let i = 0; i < light.length; i++) {
+      const cosine = x * direction[3 * i]! + y * direction[3 * i + 1]! + z * direction[3 * i + 2]!;
+      if (cosine > 0) row[light[i]!]! += (cosine * solidAngle[i]!) / (4 * Math.PI);
+    }
+  });
+  return weights;
+}
+
+/** GGX microfacets at the middle of each pixel (brdf.rough_specular). */
+function matteSilver(): Float32Array {
+  const weights = new Float32Array(LIGHTS * SPHERE_SIZE ** 2);
+  const { pixel: light, direction, solidAngle } = subpixels(LIGHTING_SIZE);
+  const a2 = MATTE_SILVER_ROUGHNESS ** 2;
+  eachPlace(1, (pixel, u, v) => {
+    const { normal, view } = surface("matte_silver", u, v);
+    const nv = dot(normal, view);
+    const seen = smith(nv, a2) / (4 * Math.max(nv, 1e-4));
+    const row = weights.subarray(pixel * LIGHTS, (pixel + 1) * LIGHTS);
+    for (let i = 0; i < light.length; i++) {
+      const [x, y, z] = [direction[3 * i]!, direction[3 * i + 1]!, direction[3 * i + 2]!];
+      const nl = normal[0] * x + normal[1] * y + normal[2] * z;
+      if (nl <= 0 || nv <= -1e-6) continue;
+      const lv = view[0] * x + view[1] * y + view[2] * z;
+      const nhSquared = (nl + nv) ** 2 / Math.max(2 + 2 * lv, 1e-9);
+      const density = a2 / (Math.PI * (nhSquared * (a2 - 1) + 1) ** 2);
+      row[light[i]!]! += density * smith(nl, a2) * seen * solidAngle[i]!;
+    }
+  });
+  return weights;
+}
+
+/** Share of microfacets that a direction sees. */
+function smith(cosine: number, a2: number): number {
+  const clipped = Math.min(Math.max(cosine, 1e-4), 1);
+  return 2 / (1 + Math.sqrt(1 + a2 * (1 / (clipped * clipped) - 1)));
+}
+
+/** Walks `along`^2 places in each pixel that shows the sphere. */
+function eachPlace(along: number, use: (pixel: number, u: number, v: number) => void): void {
+  const n = SPHERE_SIZE * along;
+  for (let row = 0; row < n; row++) {
+    for (let column = 0; column < n; column++) {
+      const pixel = Math.floor(row / along) * SPHERE_SIZE + Math.floor(column / along);
+      if (coverage(SPHERE_SIZE)[pixel]! > 0)
+        use(pixel, (2 * (column + 0.5)) / n - 1, 1 - (2 * (row + 0.5)) / n);
+    }
+  }
+}
+
+/** Surface normal, and direction back to the camera, at a position in the crop; camera frame. */
+function surface(name: SphereName, u: number, v: number): { normal: Vector3; view: Vector3 } {
+  const radius = Math.max(Math.hypot(u, v), 1);
+  const { ballFromCamera, angularRadiusRad } = PAPER_RIG[name];
+  const cameraFromBall = transposed(ballFromCamera as Matrix3x3);
+  const tangent = Math.tan(angularRadiusRad);
+  const ray = normalised([(u / radius) * tangent, (v / radius) * tangent, -1]);
+  const distance = 1 / Math.sin(angularRadiusRad); // to the centre of a sphere of radius 1
+  const along = -ray[2] * distance;
+  const depth = along - Math.sqrt(Math.max(along ** 2 - (distance ** 2 - 1), 0));
+  const normal = normalised([ray[0] * depth, ray[1] * depth, ray[2] * depth + distance]);
+  const back: Vector3 = [-ray[0], -ray[1], -ray[2]];
+  return { normal: turned(cameraFromBall, normal), view: turned(cameraFromBall, back) };
+}
+
+function dot(a: Vector3, b: Vector3): number {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+function normalised(v: Vector3): Vector3 {
+  const length = Math.hypot(...v);
+  return [v[0] / length, v[1] / length, v[2] / length];
+}
