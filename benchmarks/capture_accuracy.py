@@ -1,23 +1,25 @@
 """How well the spheres of clips with known rigs are found.
 
-python benchmarks/capture_accuracy.py FOLDER [OVERLAYS]
+python benchmarks/capture_accuracy.py FOLDER [--overlays FOLDER] [--tag | --saved]
 
 Locates the rig of every FOLDER/**/*.mp4 that has a .truth.json beside it and prints a Markdown
-table and a summary, in pixels of a 1080-wide frame. OVERLAYS is a folder for the pictures.
+table and a summary, in pixels of a 1080-wide frame. `--tag`: by the tag on the bar and
+CLIP.rig.json. `--saved`: the first clip's rig is located, and looked for in the others.
 """
 
 import json
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tyro
 
 from deeplight.camera import PinholeCamera
 from deeplight.capture.conic import pixel_scale
-from deeplight.capture.locate import Located, NotLocated, locate
+from deeplight.capture.locate import Located, LocateSettings, NotLocated, locate
 from deeplight.capture.located import cones_of
+from deeplight.capture.rig_file import read_rig_file
 from deeplight.io.image import write_png
 from deeplight.io.video import stills
 from deeplight.sphere import SPHERES
@@ -51,14 +53,14 @@ class Score:
         )
 
 
-def score(clip: Path, overlays: Path | None) -> Score:
+def score(clip: Path, how: LocateSettings, overlays: Path | None) -> tuple[Score, Located | None]:
     """Locate one clip's spheres and compare them with the truth."""
     truth = json.loads(clip.with_suffix(".truth.json").read_text())
     size = truth["camera"]
     camera = PinholeCamera(size["width"], size["height"], np.radians(size["vertical_fov_deg"]))
     start, found, reason = time.perf_counter(), None, ""
     try:
-        found = locate(stills(clip), camera)
+        found = locate(stills(clip), camera, how)
         picture = found.overlay
     except NotLocated as error:
         reason, picture = error.got, error.overlay
@@ -68,7 +70,7 @@ def score(clip: Path, overlays: Path | None) -> Score:
     centre, radius = errors(found, truth["rig"]["spheres"], camera) if found else ((), ())
     sure = min(found.confidence.values()) if found else 0.0
     trouble = ", ".join(truth.get("trouble", []))
-    return Score(clip.stem, trouble, centre, radius, sure, seconds, reason)
+    return Score(clip.stem, trouble, centre, radius, sure, seconds, reason), found
 
 
 def errors(
@@ -102,16 +104,27 @@ def summary(scores: list[Score]) -> None:
             print(f"{label}: median {middle:.2f}, 90 % {most:.2f}, worst {worst:.2f} ({each})")
 
 
-def main(folder: str, overlays: str | None = None) -> None:
-    clips = sorted(p for p in Path(folder).rglob("*.mp4") if p.with_suffix(".truth.json").exists())
+def main(
+    folder: tyro.conf.Positional[Path],
+    overlays: Path | None = None,
+    tag: bool = False,
+    saved: bool = False,
+) -> None:
+    """How well the spheres of clips with known rigs are found."""
+    clips = sorted(p for p in folder.rglob("*.mp4") if p.with_suffix(".truth.json").exists())
     print("| clip | trouble | | centre px (m, s, d) | radius % (m, s, d) | sure | s | why not |")
     print("|---|---|---|---|---|---|---|---|")
-    scores = []
+    scores, how = [], LocateSettings()
     for clip in clips:
-        scores.append(score(clip, Path(overlays) if overlays else None))
-        print(scores[-1].row(), flush=True)
+        if tag:
+            how = LocateSettings(rig=read_rig_file(clip.with_suffix(".rig.json")))
+        result, found = score(clip, how, overlays)
+        if saved and how.rig is None and found is not None:
+            how = LocateSettings(rig=found.rig)
+        scores.append(result)
+        print(result.row(), flush=True)
     summary(scores)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    tyro.cli(main)

@@ -24,7 +24,7 @@ from deeplight.capture.located import (
 )
 from deeplight.capture.materials import name_spheres
 from deeplight.capture.motion import WORKING_SIDE, Evidence, Sample, evidence, gather
-from deeplight.capture.refine import Outline, refine
+from deeplight.capture.refine import Outline, refine, refine_place
 from deeplight.capture.sizes import even_sizes
 from deeplight.capture.tag import cones_beside_tag, tag_corners
 from deeplight.io.video import Still
@@ -43,8 +43,10 @@ _LEAST_SEEN = 0.5  # share of the outline that must lie inside the picture
 _LEAST_CONFIDENCE = 0.8  # in the names
 _LARGEST_ERROR = 0.13  # of pixel values, with which the mirror explains the others
 _NAMING_FRAMES = 4
+_STIFFNESS = 0.08  # of the sizes that a tag tells; see `Size`
 _SAVED_SHIFT = 0.25  # how far, in radii, a saved rig's sphere may have moved
 
+_CUT_OFF = "a sphere less than half in the picture"
 _EXPECTED = "a mirror, a matte silver and a diffuse sphere that stay in the frame"
 
 
@@ -125,6 +127,8 @@ def _checked(clip: _Clip, cones: list[Cone], least_support: float) -> Located | 
     """The spheres near three circles, or why those are not the rig."""
     frames = [still.luma for still in clip.sample.stills]
     outlines = [refine(cone, frames, clip.camera) for cone in cones]
+    if min(outline.seen for outline in outlines) < _LEAST_SEEN:
+        return _CUT_OFF
     colour = _colour_frames(clip)
     naming = name_spheres([outline.cone for outline in outlines], colour, clip.camera)
     if naming.error > _LARGEST_ERROR:
@@ -145,7 +149,7 @@ def _checked(clip: _Clip, cones: list[Cone], least_support: float) -> Located | 
 def _fault(outlines: list[Outline], least_support: float) -> str | None:
     """Why these outlines are not those of three spheres of one size, if they are not."""
     if min(outline.seen for outline in outlines) < _LEAST_SEEN:
-        return "a sphere less than half in the picture"
+        return _CUT_OFF
     if min(outline.support for outline in outlines) < least_support:
         return "only part of a round outline"
     for i, one in enumerate(outlines):
@@ -193,17 +197,25 @@ def _by_tag(clip: _Clip, rig: TagRig) -> Located:
     cones = cones_beside_tag(corners, rig, clip.camera)
     if cones is None:
         raise clip.failed("a tag that puts the spheres behind the camera", "correct the rig file")
+    seen = {name: refine(cone, frames, clip.camera) for name, cone in cones.items()}
+    sure = {name: o.cone for name, o in seen.items() if _near_outline(cones[name], o)}
+    cones = cones_beside_tag(corners, rig, clip.camera, sure) or cones
     named, warnings = {}, []
     for name, cone in cones.items():
-        outline = refine(cone, frames, clip.camera)
-        sure = outline.support >= _LEAST_SUPPORT and _moved_by(cone, outline.cone) < _SAVED_SHIFT
+        # Its size is known better from where the three are than from one outline.
+        outline = refine_place(cone, frames, clip.camera, _STIFFNESS)
         if outline.seen < _LEAST_SEEN:
             got = f"a tag that puts the {name} sphere outside the picture"
             raise clip.failed(got, "correct the rig file", None, list(cones.values()))
-        if not sure:
+        named[name] = outline
+        if not _near_outline(cone, outline):
             warnings.append(f"no clear outline of the {name} sphere: it is where the tag says")
-        named[name] = outline if sure else Outline(cone, outline.support, outline.seen, np.inf)
+            named[name] = Outline(cone, outline.support, outline.seen, np.inf)
     return _located(clip, named, 1.0, "tag", tuple(warnings))
+
+
+def _near_outline(cone: Cone, outline: Outline) -> bool:
+    return outline.support >= _LEAST_SUPPORT and _moved_by(cone, outline.cone) < _SAVED_SHIFT
 
 
 def _moved_by(one: Cone, other: Cone) -> float:

@@ -46,7 +46,26 @@ class Held:
     stiffness: float
 
 
-FREE, HELD = Held(0.0, 0.0), Held(0.0, np.inf)
+FREE = Held(0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Size:
+    """About how large a sphere is seen.
+
+    Attributes:
+        radius_rad: the angular radius that is expected.
+        stiffness: cost, of each spoke, of a radius that is 1 % off; grows with the square.
+    """
+
+    radius_rad: float
+    stiffness: float
+
+    def held(self, cone: Cone, camera: PinholeCamera) -> Held:
+        """The same for a move of `cone`, in pixels."""
+        expected_px = self.radius_rad * pixel_scale(camera)
+        growth_px = expected_px - cone.angular_radius_rad * pixel_scale(camera)
+        return Held(growth_px, self.stiffness * (100 / expected_px) ** 2)
 
 
 @dataclass(frozen=True)
@@ -97,10 +116,13 @@ def refine(
 
 
 def refine_place(
-    cone: Cone, frames: list[UInt8[np.ndarray, "height width"]], camera: PinholeCamera
+    cone: Cone,
+    frames: list[UInt8[np.ndarray, "height width"]],
+    camera: PinholeCamera,
+    stiffness: float = np.inf,
 ) -> Outline:
-    """The outline around `cone` with the angular radius it has."""
-    return _fine(cone, frames, camera, HELD)
+    """The outline around `cone` with the angular radius it has, or about that (see `Size`)."""
+    return _fine(cone, frames, camera, Size(cone.angular_radius_rad, stiffness))
 
 
 def refine_by_sides(
@@ -117,19 +139,17 @@ def refine_by_sides(
     Args:
         cone: where to begin, with the angular radius that is expected.
         frames, camera: full size.
-        stiffness: cost, of each spoke, of a radius that is 1 % off; grows with the square.
+        stiffness: of that radius; see `Size`.
     """
-    expected_px = cone.angular_radius_rad * pixel_scale(camera)
+    size = Size(cone.angular_radius_rad, stiffness)
     for share in (0.2, 0.15, 0.12, 0.1):
-        reach = max(share * expected_px, 5.0)
+        reach = max(share * size.radius_rad * pixel_scale(camera), 5.0)
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-reach, reach))
         if not inside.any():
             return Outline(cone, 0.0, 0.0, np.inf)
         places, cost = split_cost(profiles, offsets)
         outline = _judged(cone, places, cost, inside, _COARSE_HIT_PX)
-        grown_px = cone.angular_radius_rad * pixel_scale(camera) - expected_px
-        held = Held(-grown_px, stiffness * (100 / expected_px) ** 2)
-        cone = _moved_to_best(cone, places, cost, inside, camera, held)
+        cone = _moved_to_best(cone, places, cost, inside, camera, size.held(cone, camera))
     blurred = moved(cone, np.zeros(2), -_BLUR_PX / pixel_scale(camera))
     return replace(outline, cone=blurred)
 
@@ -149,7 +169,7 @@ def _fine(
     cone: Cone,
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
-    held: Held = FREE,
+    size: Size | None = None,
 ) -> Outline:
     reach = float(np.clip(0.15 * cone.angular_radius_rad * pixel_scale(camera), 4.5, 6.0))
     for last in (False, False, True):
@@ -159,6 +179,7 @@ def _fine(
         fits = [step_cost(profiles, offsets, sigma) for sigma in _SHARPNESS_PX]
         places, cost = min(fits, key=lambda fit: fit[1].min(axis=1).mean())
         if not last:
+            held = size.held(cone, camera) if size else FREE
             cone = _moved_to_best(cone, places, cost, inside, camera, held)
     return _judged(cone, places, cost, inside, _HIT_PX)
 
