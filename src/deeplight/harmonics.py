@@ -19,8 +19,6 @@ from deeplight.frames import Rotation, turned
 from deeplight.lighting import Lighting
 
 CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1], np.float32)
-_LAMBERT = np.pi * np.array([1.0] + [2 / 3] * 3 + [1 / 4] * 5)  # the cosine kernel per order
-
 Coefficients = Float[np.ndarray, "9 3"]
 
 
@@ -50,7 +48,7 @@ def basis(
 
 def turning(new_from_old: Rotation, order: int) -> Float[np.ndarray, "n n"]:
     """The matrix that takes coefficients of light to those of the same light in a turned frame."""
-    directions, weights = _quadrature(order)
+    directions, weights = quadrature(order)
     old = basis(directions, order)
     return basis(turned(directions, new_from_old), order).T @ (weights[:, None] * old)
 
@@ -75,7 +73,7 @@ def _norm(degree: int, m: int) -> float:
 
 
 @lru_cache(maxsize=8)
-def _quadrature(
+def quadrature(
     order: int,
 ) -> tuple[Float[np.ndarray, "directions 3"], Float[np.ndarray, "directions"]]:
     """Directions and weights that integrate products of two harmonics up to `order` exactly."""
@@ -101,7 +99,23 @@ def irradiance(
 
 def irradiance_coefficients(coefficients: Coefficients) -> Coefficients:
     """Coefficients of irradiance, as glTF stores them, from those of radiance."""
-    return (_LAMBERT[:, None] * coefficients).astype(np.float32)
+    kernel = cosine_kernel(2)
+    return (kernel[:, None] * coefficients).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def cosine_kernel(order: int) -> Float[np.ndarray, "coefficients"]:
+    """What a clamped cosine multiplies each coefficient by: pi, 2 pi / 3, pi / 4, 0, - pi / 24."""
+    kernel = [np.pi, 2 * np.pi / 3]
+    for degree in range(2, order + 1):
+        half = degree // 2
+        ratio = factorial(degree) / (2**degree * factorial(half) ** 2)
+        sign = -1 if half % 2 == 0 else 1
+        even = 2 * np.pi * sign * ratio / ((degree + 2) * (degree - 1))
+        kernel.append(0.0 if degree % 2 else even)
+    result = np.repeat(kernel[: order + 1], 2 * np.arange(order + 1) + 1)
+    result.setflags(write=False)
+    return result
 
 
 @dataclass(frozen=True, eq=False)

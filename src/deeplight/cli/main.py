@@ -28,6 +28,7 @@ VERBS = {
 EXTRA_OF = {
     "av": "capture",
     "cv2": "capture",
+    "embreex": "render",
     "fsspec": "train",
     "jinja2": "capture",
     "lightning_fabric": "train",
