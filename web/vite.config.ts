@@ -1,12 +1,16 @@
 import { fileURLToPath } from "node:url";
 import { defineConfig } from "vitest/config";
+import { runtime } from "./build/runtime.ts";
 import { shippedModel } from "./build/shipped-model.ts";
 
 const here = (path: string) => fileURLToPath(new URL(path, import.meta.url));
 
 export default defineConfig({
   base: "./", // the built page works in any folder of any host
-  plugins: [shippedModel(here("../src/deeplight/weights/deeplight.onnx"))],
+  plugins: [
+    shippedModel(here("../src/deeplight/weights/deeplight.onnx")),
+    runtime(here("node_modules/onnxruntime-web/dist")),
+  ],
   worker: { format: "es" },
   build: {
     outDir: here("../src/deeplight/demo/site"),

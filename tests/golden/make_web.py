@@ -21,7 +21,7 @@ from deeplight.contract import ModelContract
 from deeplight.estimate.onnx_estimator import WHOLE_VIEW, OnnxEstimator
 from deeplight.estimate.results import write_results
 from deeplight.frames import turned, world_from_camera
-from deeplight.io import lighting_file
+from deeplight.io import image, lighting_file
 from deeplight.lighting import LIGHTING_SIZE, Lighting
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG
@@ -58,6 +58,7 @@ def constants() -> dict[str, Any]:
         "LIGHTING_SIZE": LIGHTING_SIZE,
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,
         "WHOLE_VIEW": WHOLE_VIEW,
+        "MID_GREY": image.MID_GREY,
         "GAMMA": camera_response.GAMMA,
         "SOFT_CLIP_N": camera_response.SOFT_CLIP_N,
         "LUMINANCE": camera_response.LUMINANCE.tolist(),

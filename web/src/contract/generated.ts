@@ -46,6 +46,8 @@ export const ASSUMED_LONG_SIDE_FOV_RAD = 1.1519173063162575 as const;
 
 export const WHOLE_VIEW = 0.995 as const;
 
+export const MID_GREY = 118 as const;
+
 export const GAMMA = 2.2 as const;
 
 export const SOFT_CLIP_N = 40.0 as const;
