@@ -1,0 +1,119 @@
+/** The arithmetic of transfer outside the graphics card: what a light does to tables and matrices. */
+import type { GlossyTransfer, GroundTransfer, Transfer } from "./format.ts";
+
+/** The clamped cosine of a plane facing +Y: irradiance over pi in light of each harmonic. */
+export function openPlane(order: number): Float32Array {
+  const kernel = cosineKernel(order);
+  return basis(order, 0, 1, 0).map(
+    (value, i) => (value * kernel[Math.floor(Math.sqrt(i))]!) / Math.PI,
+  );
+}
+
+/** What a clamped cosine multiplies the coefficients of each degree by: pi, 2 pi / 3, pi / 4, 0, - pi / 24. */
+function cosineKernel(order: number): number[] {
+  const kernel = [Math.PI, (2 * Math.PI) / 3];
+  let ratio = 1; // degree! / (2^degree (degree / 2)!^2)
+  for (let degree = 2; degree <= order; degree++) {
+    if (degree % 2) {
+      kernel.push(0);
+      continue;
+    }
+    ratio *= (degree - 1) / degree;
+    const sign = (degree / 2) % 2 ? 1 : -1;
+    kernel.push((2 * Math.PI * sign * ratio) / ((degree + 2) * (degree - 1)));
+  }
+  return kernel;
+}
+
+/** The real harmonics up to `order` in a unit direction, as `harmonics.basis` of the Python library. */
+export function basis(order: number, x: number, y: number, z: number): Float32Array {
+  const result = new Float32Array((order + 1) ** 2);
+  let [cosine, sine] = [1, 0]; // of m phi, times sin(theta)^m
+  let start = 1; // 1 x 3 x 5 ... (2 m - 1)
+  for (let m = 0; m <= order; m++) {
+    let [below, here] = [0, start];
+    for (let degree = m; degree <= order; degree++) {
+      const scaled = here * norm(degree, m);
+      result[degree * (degree + 1) + m] = scaled * cosine;
+      if (m) result[degree * (degree + 1) - m] = scaled * sine;
+      [below, here] = [
+        here,
+        ((2 * degree + 1) * z * here - (degree + m) * below) / (degree + 1 - m),
+      ];
+    }
+    [cosine, sine] = [cosine * x - sine * y, cosine * y + sine * x];
+    start *= 2 * m + 1;
+  }
+  return result;
+}
+
+/** What brings a harmonic of this degree and m, or -m, to unit power. */
+export function norm(degree: number, m: number): number {
+  let ratio = 1;
+  for (let i = degree - m + 1; i <= degree + m; i++) ratio /= i;
+  return Math.sqrt(((2 * degree + 1) / (4 * Math.PI)) * ratio * (m ? 2 : 1));
+}
+
+/** Light cut, or filled up with 0, to `coefficients` x RGB. */
+export function fitting(harmonics: Float32Array, coefficients: number): Float32Array {
+  const light = new Float32Array(3 * coefficients);
+  light.set(harmonics.subarray(0, light.length));
+  return light;
+}
+
+/** What leaves one row of a table in `light`, not below 0. */
+export function sentBy(
+  table: Float32Array,
+  row: number,
+  light: Float32Array,
+): [number, number, number] {
+  const coefficients = light.length / 3;
+  const sum: [number, number, number] = [0, 0, 0];
+  for (let i = 0; i < coefficients; i++) {
+    const share = table[row * coefficients + i]!;
+    for (const channel of [0, 1, 2] as const) sum[channel] += share * light[3 * i + channel]!;
+  }
+  return [Math.max(sum[0], 0), Math.max(sum[1], 0), Math.max(sum[2], 0)];
+}
+
+/** Light at each ground point with the object there over that without; RGB of each point. */
+export function shadowRatios(
+  ground: GroundTransfer,
+  order: number,
+  harmonics: Float32Array,
+): Float32Array {
+  const light = fitting(harmonics, (order + 1) ** 2);
+  const whole = sentBy(openPlane(order), 0, light);
+  const ratios = new Float32Array(3 * ground.size ** 2);
+  for (let point = 0; point < ground.size ** 2; point++) {
+    const lit = sentBy(ground.transfer, point, light);
+    ratios.set(
+      lit.map((value, channel) => (whole[channel]! > 0 ? value / whole[channel]! : 1)),
+      3 * point,
+    );
+  }
+  return ratios;
+}
+
+/** Every matrix of the glossy finish applied to a light: cluster, part, leaving, RGBA (A is 0). */
+export function meet(glossy: GlossyTransfer, light: Float32Array, into: Float32Array): void {
+  const coefficients = light.length / 3;
+  for (let row = 0; row < into.length / 4; row++) {
+    let [red, green, blue] = [0, 0, 0];
+    for (let i = 0; i < coefficients; i++) {
+      const share = glossy.matrices[row * coefficients + i]!;
+      red += share * light[3 * i]!;
+      green += share * light[3 * i + 1]!;
+      blue += share * light[3 * i + 2]!;
+    }
+    into[4 * row] = red;
+    into[4 * row + 1] = green;
+    into[4 * row + 2] = blue;
+  }
+}
+
+/** Numbers that `meet` fills. */
+export function metLength(transfer: Transfer): number {
+  const { glossy, order } = transfer;
+  return glossy ? 4 * glossy.clusters * (glossy.components + 1) * (order + 1) ** 2 : 0;
+}
