@@ -1,0 +1,127 @@
+/** The estimator in a real browser: the same light as Python, its errors, its speed. */
+import { readFileSync } from "node:fs";
+import { type Browser, chromium, type Page } from "playwright-core";
+import { createServer, type ViteDevServer } from "vite";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import type { Harness } from "../tests/browser/harness.ts";
+import { floats, golden, largestError } from "../tests/golden.ts";
+
+const MODEL = new URL("../../src/deeplight/weights/deeplight.onnx", import.meta.url);
+const want = golden("photo");
+let server: ViteDevServer;
+let browser: Browser;
+let page: Page;
+
+beforeAll(async () => {
+  server = await createServer({ root: new URL("..", import.meta.url).pathname, logLevel: "error" });
+  await server.listen();
+  browser = await chromium.launch({
+    executablePath: process.env.DEEPLIGHT_CHROMIUM ?? "/usr/bin/chromium",
+    args: ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"],
+  });
+  page = await browser.newPage();
+  await serveModels(page);
+  await page.goto(new URL("/tests/browser/harness.html", address()).href);
+  await page.waitForFunction(() => "harness" in window);
+  expect(await call("load", "/model/deeplight.onnx")).toMatchObject({ got: "ok" });
+});
+
+afterAll(async () => {
+  await browser?.close();
+  await server?.close();
+});
+
+test("gives Python's light within 2e-3 in log radiance", async () => {
+  const { rgb, width, height } = want.photo;
+  const got = await call("logRadiance", rgb, width, height);
+  expect(largestError(got, floats(want.log_radiance))).toBeLessThan(2e-3);
+});
+
+test("knows which model it runs", async () => {
+  const facts = await call("facts");
+  expect(facts.sha256).toBe(want.model_sha256);
+  expect(facts.file).toBe("deeplight.onnx");
+});
+
+test("tells the progress of the download up to the whole", async () => {
+  const { progress } = await call("load", "/model/plain.onnx");
+  const size = readFileSync(MODEL).length;
+  expect(progress.at(-1)).toEqual([size, size]);
+});
+
+test("estimates the newest frame only", async () => {
+  const came = await call("burst", 8);
+  expect(came).toEqual([true, false, false, false, false, false, false, true]);
+});
+
+test.each([
+  ["/model/none.onnx", "/runtime/", "model-missing"],
+  ["/model/cut.onnx", "/runtime/", "model-damaged"],
+  ["/model/page.onnx", "/runtime/", "model-damaged"],
+  ["/model/version-2.onnx", "/runtime/", "model-version"],
+  ["/model/deeplight.onnx", "/no-runtime/", "runtime"],
+])("says what is wrong: %s with %s", async (model, runtime, kind) => {
+  expect((await call("load", model, runtime)).got).toBe(kind);
+});
+
+test("never keeps the page waiting for long", async () => {
+  expect(await call("longestPause", 10)).toBeLessThan(100);
+});
+
+test("tells its speed", async () => {
+  for (const [width, height] of [
+    [720, 1280],
+    [1080, 1920],
+  ] as const) {
+    const times = await call("time", width, height, 30);
+    const [prepare, run] = [0, 1].map((k) => middle(times.map((pair) => pair[k]!)));
+    console.log(`${width} x ${height}: preprocess ${prepare} ms, network ${run} ms (median of 30)`);
+    expect(prepare).toBeGreaterThan(0);
+    expect(run).toBeGreaterThan(0);
+  }
+});
+
+test("gives null for frames that were waiting when it closed, and for later ones", async () => {
+  expect(await call("closed")).toEqual([true, true]);
+});
+
+function call<K extends keyof Harness>(
+  name: K,
+  ...args: Parameters<Harness[K]>
+): Promise<Awaited<ReturnType<Harness[K]>>> {
+  return page.evaluate(
+    // biome-ignore lint/suspicious/noExplicitAny: inside the browser
+    ([method, values]) => (window as any).harness[method](...values),
+    [name, args] as const,
+  );
+}
+
+/** Answers for model files that are not there: damaged, of another version, a web page. */
+async function serveModels(target: Page): Promise<void> {
+  const model = readFileSync(MODEL);
+  const old = Buffer.from(model);
+  old.write('"version": 2,', old.indexOf('"version": 1,'));
+  const bodies: Record<string, Buffer> = {
+    "plain.onnx": model,
+    "cut.onnx": model.subarray(0, 2_000_000),
+    "page.onnx": Buffer.from("<!doctype html><title>Not found</title>"),
+    "version-2.onnx": old,
+  };
+  await target.route("**/model/*", async (route) => {
+    const name = new URL(route.request().url()).pathname.split("/").at(-1)!;
+    const body = bodies[name];
+    if (body === undefined) {
+      await (name === "none.onnx" ? route.fulfill({ status: 404 }) : route.continue());
+    } else {
+      await route.fulfill({ body, headers: { "Content-Length": String(body.length) } });
+    }
+  });
+}
+
+function address(): string {
+  return server.resolvedUrls!.local[0]!;
+}
+
+function middle(values: number[]): number {
+  return values.sort((a, b) => a - b)[Math.floor(values.length / 2)]!;
+}

@@ -1,0 +1,94 @@
+/** What the browser tests call: the estimator, on frames made from plain pixels. */
+import { EstimateError } from "../../src/estimate/errors.ts";
+import { Estimator } from "../../src/estimate/estimator.ts";
+
+const estimators: Estimator[] = [];
+
+const harness = {
+  /** Loads a model; gives "ok" or the error's kind, and what was told of the progress. */
+  async load(model: string, runtime = "/runtime/"): Promise<{ got: string; progress: number[][] }> {
+    const progress: number[][] = [];
+    const where = {
+      model: new URL(model, location.href),
+      runtime: new URL(runtime, location.href),
+    };
+    try {
+      estimators.push(await Estimator.load(where, (...told) => progress.push(told)));
+      return { got: "ok", progress };
+    } catch (error) {
+      return { got: error instanceof EstimateError ? error.kind : String(error), progress };
+    }
+  },
+
+  facts: () => newest().model,
+
+  async logRadiance(base64: string, width: number, height: number): Promise<number[]> {
+    const estimate = await newest().estimate(await bitmap(base64, width, height));
+    return Array.from(estimate!.lighting.logRadiance);
+  },
+
+  /** Sends frames faster than they can be estimated; tells which came through. */
+  async burst(count: number): Promise<boolean[]> {
+    const frames = Array.from({ length: count }, () => blank(90, 160));
+    const results = (await Promise.all(frames)).map((frame) => newest().estimate(frame));
+    return (await Promise.all(results)).map((estimate) => estimate !== null);
+  },
+
+  /** Milliseconds of `count` frames of a size: for each what the worker says. */
+  async time(width: number, height: number, count: number): Promise<[number, number][]> {
+    const times: [number, number][] = [];
+    for (let i = 0; i < count; i++) {
+      const { preprocessMs, runMs } = (await newest().estimate(await blank(width, height)))!;
+      times.push([preprocessMs, runMs]);
+    }
+    return times;
+  },
+
+  /** The longest that the page itself had to wait for a turn while `count` frames were estimated. */
+  async longestPause(count: number): Promise<number> {
+    let [longest, last, running] = [0, performance.now(), true];
+    const watch = () => {
+      longest = Math.max(longest, performance.now() - last);
+      last = performance.now();
+      if (running) setTimeout(watch, 0);
+    };
+    watch();
+    await this.time(90, 160, count);
+    running = false;
+    return longest;
+  },
+
+  async closed(): Promise<(boolean | null)[]> {
+    const estimator = estimators.pop()!;
+    const before = estimator.estimate(await blank(90, 160));
+    estimator.close();
+    const after = estimator.estimate(await blank(90, 160));
+    return (await Promise.all([before, after])).map((estimate) => estimate === null);
+  },
+};
+
+export type Harness = typeof harness;
+
+Object.assign(window, { harness });
+
+function newest(): Estimator {
+  return estimators.at(-1)!;
+}
+
+function bitmap(base64: string, width: number, height: number): Promise<ImageBitmap> {
+  const rgb = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+  const pixels = new ImageData(width, height);
+  pixels.data.fill(255);
+  rgb.forEach((value, i) => {
+    pixels.data[4 * Math.floor(i / 3) + (i % 3)] = value;
+  });
+  return createImageBitmap(pixels);
+}
+
+function blank(width: number, height: number): Promise<ImageBitmap> {
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext("2d")!;
+  context.fillStyle = "#7a8";
+  context.fillRect(0, 0, width, height / 2);
+  return createImageBitmap(canvas);
+}
