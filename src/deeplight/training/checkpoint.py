@@ -18,6 +18,9 @@ from deeplight.errors import ConfigError, ModelError
 from deeplight.io.atomic import replacing
 from deeplight.training.config import TrainConfig, differences
 
+BEST = "best.safetensors"
+"""Name of the weights with the least validation error in a run's folder."""
+
 KEPT = 2
 
 

@@ -10,6 +10,7 @@ from deeplight.errors import ConfigError
 from deeplight.training.augment import AugmentConfig
 from deeplight.training.batches import DataConfig
 from deeplight.training.discriminator import AdversarialConfig
+from deeplight.training.distil import DistilConfig
 from deeplight.training.generator import NetworkConfig
 from deeplight.training.losses import LossConfig
 from deeplight.training.optimiser import OptimiserConfig, ScheduleConfig
@@ -51,6 +52,7 @@ class TrainConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     loss: LossConfig = field(default_factory=LossConfig)
     adversarial: AdversarialConfig = field(default_factory=AdversarialConfig)
+    distil: DistilConfig = field(default_factory=DistilConfig)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
     augment: AugmentConfig = field(default_factory=AugmentConfig)

@@ -127,6 +127,7 @@ class Generator(nn.Module):
                 f"{config.output_size} and {config.width:g}",
                 "change it",
             )
+        self.output_size = config.output_size
         self.encoder = MobileNetV2Encoder(config.encoder_norm, freeze_blocks, config.width)
         height, width = FEATURE_SIZE[config.orientation]
         features = scaled(FEATURE_CHANNELS, config.width) * height * width  # 160 * 6 * 5 = 4,800
@@ -161,10 +162,14 @@ class Generator(nn.Module):
         assert last.bias is not None
         nn.init.constant_(last.bias, math.log(START_RADIANCE))
 
-    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 size size"]:
+    def before_activation(self, photo: Float[Tensor, "n 3 height width"]) -> Tensor:
+        """The latent vector before its norm and activation."""
         # Contiguous first: the flatten order is NCHW's, whatever the memory format.
-        features = self.encoder(photo).contiguous().flatten(1)  # (n, 4800)
-        latent = self.activation(self.latent_norm(self.latent(features)))  # (n, 256)
+        features: Tensor = self.latent(self.encoder(photo).contiguous().flatten(1))  # (n, 4800)
+        return features
+
+    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 size size"]:
+        latent = self.activation(self.latent_norm(self.before_activation(photo)))  # (n, 256)
         latent = self.dropout(latent)
         log_radiance: Tensor = self.decoder(latent)
         return log_radiance if self.mixture is None else log_radiance + self.mixture(latent)

@@ -67,7 +67,7 @@ def read_folded(path: Path) -> dict[str, np.ndarray]:
         raise ModelError("an .npz of MobileNetV2 weights", str(path), "check the file") from error
 
 
-def named_convolutions(encoder: MobileNetV2Encoder) -> list[tuple[str, ConvNorm]]:
+def named_convolutions(encoder: nn.Module) -> list[tuple[str, ConvNorm]]:
     """Every convolution of the encoder with its module name, in the order of evaluation."""
     return [(n, m) for n, m in encoder.named_modules() if isinstance(m, ConvNorm)]
 
@@ -112,7 +112,7 @@ def restore_batch_norm(
 
 @torch.no_grad()
 def output_moments(
-    encoder: MobileNetV2Encoder, photos: Float[Tensor, "n 3 height width"], batch_size: int = 64
+    encoder: nn.Module, photos: Float[Tensor, "n 3 height width"], batch_size: int = 64
 ) -> dict[str, tuple[Tensor, Tensor]]:
     """Mean and variance per channel of every convolution's output (before the activation)."""
     sums: dict[str, Tensor] = {}

@@ -29,6 +29,7 @@ from deeplight.training.batches import (
     Order,
     refuse_other_size,
 )
+from deeplight.training.checkpoint import BEST
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
 from deeplight.training.devices import ALONE, Share
@@ -38,9 +39,9 @@ from deeplight.training.imagenet import load_imagenet
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
 from deeplight.training.record import RunRecord, Window
+from deeplight.training.teacher import Teacher
 from deeplight.training.validation import SphereErrors, Validation, score, some_of
 
-BEST = "best.safetensors"
 CONSTANT = "constant_log_radiance.npy"
 FITTED = "fitted"
 CALIBRATION_PHOTOS = 256
@@ -114,11 +115,12 @@ class Run:
         self.fabric.launch()  # after everything that refuses: one process tells it
         self.share = Share(self.fabric.global_rank, self.fabric.world_size)
         self.read_data()
-        self.build_network(None if saved or weights else imagenet, None if saved else weights)
+        fresh = not saved and weights is None
+        self.build_network(imagenet if fresh else None, None if saved else weights, fresh)
         self.step, self.best_score = 0, float("inf")
         if saved:
             self.restore(*saved)
-        elif weights is None and self.generator.mixture is not None:
+        elif fresh and self.generator.mixture is not None and self.teacher is None:
             self.start_mixture(self.generator.mixture, watch)
         facts = {
             "seed": config.run.seed,
@@ -170,14 +172,21 @@ class Run:
         }
         self.validation = Validation(tables, self.bases, self.device)
 
-    def build_network(self, imagenet: Path | None, weights: Path | None) -> None:
+    def build_network(self, imagenet: Path | None, weights: Path | None, fresh: bool) -> None:
         """The generator and what moves it, from the seed and what a new run starts from."""
         config = self.config
         torch.manual_seed(config.run.seed)
         self.generator = Generator(config.network, config.optimiser.freeze_blocks)
-        if imagenet is not None:
+        self.teacher = Teacher.of(config) if config.distil.teacher else None
+        if imagenet is not None or (fresh and self.teacher is not None):
             some = some_of(self.examples, CALIBRATION_PHOTOS, config.data.workers)
-            load_imagenet(self.generator.encoder, imagenet, prepare(*some).photo)
+            photos = prepare(*some).photo
+            if self.teacher is not None:
+                self.teacher.start(self.generator, config, photos)
+            elif imagenet is not None:
+                load_imagenet(self.generator.encoder, imagenet, photos)
+        if self.teacher is not None:
+            self.teacher.network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if weights is not None:
             checkpoint.load_weights(self.generator, weights)
         devices.over_all_devices(self.generator, self.share)
@@ -296,6 +305,8 @@ class Run:
         )
         if self.adversary is not None:
             terms = self.adversary.join(terms, log_radiance, inputs, learning_rate)
+        if self.teacher is not None:
+            terms = self.teacher.join(terms, log_radiance, inputs)
         self.fabric_optimiser.zero_grad()
         self.fabric.backward(terms.total())
         if config.optimiser.max_gradient_norm > 0:

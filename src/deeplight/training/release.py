@@ -6,9 +6,9 @@ from typing import Any
 from deeplight.contract import ModelContract
 from deeplight.errors import ModelError
 from deeplight.training import checkpoint
+from deeplight.training.checkpoint import BEST
 from deeplight.training.config import TrainConfig, changed, flatten
 from deeplight.training.generator import Generator, fold_batch_norm
-from deeplight.training.loop import BEST
 
 
 def load_best(run_dir: Path) -> tuple[Generator, checkpoint.Header]:
