@@ -20,6 +20,7 @@ VERBS = {
     "panoramas": "fetch CC0 panoramas from Poly Haven to film in",
     "capture": "clips of the filmed spheres in: a data set, and a report for each clip",
     "train": "train the network on a data set",
+    "render": "radiance transfer of an object, for shading it in real time",
     "convert": "light in any format and mapping, for any tool, edited on the way",
     "evaluate": "measure an estimator on a data set, beside trivial baselines",
 }

@@ -1,7 +1,7 @@
 """Objects to put into a photo: triangle meshes from files or built in, brought to size."""
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,9 @@ from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.frames import rotation
 from deeplight.io.image_file import first_bytes
 from deeplight.render import shapes
+from deeplight.render.pot import pot
 
-BUILT_IN = {"bunny": shapes.bunny, "sphere": shapes.ball}
+BUILT_IN: dict[str, Callable[[], Any]] = {"bunny": shapes.bunny, "sphere": shapes.ball, "pot": pot}
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 MAX_BYTES = 500_000_000
 MAX_TRIANGLES = 5_000_000
@@ -65,7 +66,7 @@ def load(name: str, up: str = "y") -> tuple[Mesh, ...]:
     """Read an object: a name of `BUILT_IN` or a file.
 
     Args:
-        name: "bunny", "sphere", or the path of a .glb, .gltf, .obj or .ply file.
+        name: "bunny", "sphere", "pot", or the path of a .glb, .gltf, .obj or .ply file.
         up: the file's axis that points up, "y" or "z".
 
     Raises:

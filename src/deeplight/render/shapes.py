@@ -35,18 +35,22 @@ _PAIRS = (
 )
 
 
-@lru_cache(maxsize=1)
-def bunny() -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"], Float[np.ndarray, "n 3"]]:
+@lru_cache(maxsize=4)
+def bunny(
+    cells: int = _GRID,
+) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"], Float[np.ndarray, "n 3"]]:
     """Vertices, triangles and normals of a sitting bunny, about 1.4 high, on y = 0."""
-    return polygonised(_bunny_distance, _LOW, _HIGH, _GRID)
+    return polygonised(_bunny_distance, _LOW, _HIGH, cells)
 
 
-@lru_cache(maxsize=1)
-def ball() -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"], Float[np.ndarray, "n 3"]]:
+@lru_cache(maxsize=4)
+def ball(
+    cells: int = 40,
+) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"], Float[np.ndarray, "n 3"]]:
     """Vertices, triangles and normals of a ball of diameter 1 on y = 0."""
     low, high = np.full(3, -0.55), np.full(3, 0.55)
     vertices, faces, normals = polygonised(
-        lambda p: np.linalg.norm(p, axis=-1) - 0.5, low, high, 40
+        lambda p: np.linalg.norm(p, axis=-1) - 0.5, low, high, cells
     )
     return vertices + [0, 0.5, 0], faces, normals
 

@@ -117,7 +117,7 @@ class Transfer:
     def diffuse_radiance(
         self, light: Float[np.ndarray, "given 3"]
     ) -> Float[np.ndarray, "vertices 3"]:
-        """What leaves each vertex, in all directions; `light` is harmonics in the object's frame."""
+        """What leaves each vertex, in all directions; `light` is in the object's frame."""
         tint = np.array(self.reflectivity)
         if self.colours is not None:
             tint = decode(self.colours / 255.0)

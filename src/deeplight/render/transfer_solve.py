@@ -8,6 +8,7 @@ the surfaces sent out in the round before.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
@@ -69,10 +70,13 @@ def solve(
     """Trace all rays once for the direct light and once for each bounce."""
     solver = _Solver(surface, ground, work)
     points = len(surface.vertices) + (ground.size**2 if ground else 0)
-    total = points * (work.bounces + 1)
-    solution = solver.dark()
+    solution, total = solver.dark(), points * (work.bounces + 1)
+
+    def told(begun: int, done: int) -> None:
+        progress(begun + done, total)
+
     for begun in range(0, total, points):
-        solution = solver.round(solution, lambda done, begun=begun: progress(begun + done, total))
+        solution = solver.round(solution, partial(told, begun))
     return solution
 
 

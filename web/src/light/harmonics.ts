@@ -78,7 +78,8 @@ const projection = remembered((size: number, order: number): Float64Array => {
   return weights;
 });
 
-const norm = remembered((degree: number, m: number): number => {
+/** What brings a harmonic of this degree and m, or -m, to unit power. */
+export const norm = remembered((degree: number, m: number): number => {
   const ratio = factorial(degree - m) / factorial(degree + m);
   return Math.sqrt(((2 * degree + 1) / (4 * Math.PI)) * ratio * (m > 0 ? 2 : 1));
 });

@@ -1,57 +1,12 @@
 /** The arithmetic of transfer outside the graphics card: what a light does to tables and matrices. */
+import { basis, cosineKernel } from "../light/harmonics.ts";
 import type { GlossyTransfer, GroundTransfer, Transfer } from "./format.ts";
 
-/** The clamped cosine of a plane facing +Y: irradiance over pi in light of each harmonic. */
+/** Irradiance over pi on an open plane facing +Y in light of each harmonic. */
 export function openPlane(order: number): Float32Array {
-  const kernel = cosineKernel(order);
-  return basis(order, 0, 1, 0).map(
-    (value, i) => (value * kernel[Math.floor(Math.sqrt(i))]!) / Math.PI,
-  );
-}
-
-/** What a clamped cosine multiplies the coefficients of each degree by: pi, 2 pi / 3, pi / 4, 0, - pi / 24. */
-function cosineKernel(order: number): number[] {
-  const kernel = [Math.PI, (2 * Math.PI) / 3];
-  let ratio = 1; // degree! / (2^degree (degree / 2)!^2)
-  for (let degree = 2; degree <= order; degree++) {
-    if (degree % 2) {
-      kernel.push(0);
-      continue;
-    }
-    ratio *= (degree - 1) / degree;
-    const sign = (degree / 2) % 2 ? 1 : -1;
-    kernel.push((2 * Math.PI * sign * ratio) / ((degree + 2) * (degree - 1)));
-  }
-  return kernel;
-}
-
-/** The real harmonics up to `order` in a unit direction, as `harmonics.basis` of the Python library. */
-export function basis(order: number, x: number, y: number, z: number): Float32Array {
-  const result = new Float32Array((order + 1) ** 2);
-  let [cosine, sine] = [1, 0]; // of m phi, times sin(theta)^m
-  let start = 1; // 1 x 3 x 5 ... (2 m - 1)
-  for (let m = 0; m <= order; m++) {
-    let [below, here] = [0, start];
-    for (let degree = m; degree <= order; degree++) {
-      const scaled = here * norm(degree, m);
-      result[degree * (degree + 1) + m] = scaled * cosine;
-      if (m) result[degree * (degree + 1) - m] = scaled * sine;
-      [below, here] = [
-        here,
-        ((2 * degree + 1) * z * here - (degree + m) * below) / (degree + 1 - m),
-      ];
-    }
-    [cosine, sine] = [cosine * x - sine * y, cosine * y + sine * x];
-    start *= 2 * m + 1;
-  }
-  return result;
-}
-
-/** What brings a harmonic of this degree and m, or -m, to unit power. */
-export function norm(degree: number, m: number): number {
-  let ratio = 1;
-  for (let i = degree - m + 1; i <= degree + m; i++) ratio /= i;
-  return Math.sqrt(((2 * degree + 1) / (4 * Math.PI)) * ratio * (m ? 2 : 1));
+  return Float32Array.from(basis([0, 1, 0], order), (value, i) => {
+    return (value * cosineKernel(Math.floor(Math.sqrt(i)))) / Math.PI;
+  });
 }
 
 /** Light cut, or filled up with 0, to `coefficients` x RGB. */

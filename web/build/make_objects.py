@@ -1,0 +1,40 @@
+"""Make the page's built-in objects: web/public/objects, each small enough for a phone.
+
+python web/build/make_objects.py
+
+About half a minute for each. The shapes are our own, coarser than `deeplight compose` takes them.
+"""
+
+import json
+from pathlib import Path
+
+from deeplight.render import shapes
+from deeplight.render.mesh import Mesh
+from deeplight.render.pot import pot
+from deeplight.render.transfer import Settings, precompute
+from deeplight.render.transfer_file import write
+
+FOLDER = Path(__file__).parents[1] / "public" / "objects"
+LARGEST_BYTES = 400_000
+OBJECTS = {
+    "bunny": ("Bunny", shapes.bunny, 40),
+    "pot": ("Teapot", pot, 52),
+    "sphere": ("Ball", shapes.ball, 26),
+}
+
+
+def main() -> None:
+    index = []
+    for name, (title, shape, cells) in OBJECTS.items():
+        path = FOLDER / f"{name}.transfer"
+        transfer, _ = precompute([Mesh(*shape(cells))], Settings(samples=1024, longest_edge=0.1))
+        write(path, transfer)
+        if path.stat().st_size > LARGEST_BYTES:
+            raise SystemExit(f"{path} has {path.stat().st_size:,} bytes: take fewer cells")
+        index.append({"name": name, "title": title, "file": path.name})
+        print(f"{path.name}: {len(transfer.vertices):,} vertices, {path.stat().st_size:,} bytes")
+    (FOLDER / "index.json").write_text(json.dumps(index, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
