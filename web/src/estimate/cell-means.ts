@@ -15,6 +15,12 @@ interface Spans {
 
 const PACKED = 256; // so many bytes add up in 16 bits
 
+/** Sums over rows, one entry per column: red and blue side by side in 16 bits each, and green. */
+interface Sums {
+  readonly redBlue: Int32Array;
+  readonly green: Int32Array;
+}
+
 export class CellMeans {
   /** The part of the photo that matters, in whole pixels. */
   readonly left: number;
@@ -23,9 +29,11 @@ export class CellMeans {
   readonly height: number;
   readonly #rows: Spans;
   readonly #columns: Spans;
-  readonly #sums: Float64Array; // rows, columns, RGB
-  readonly #line: Float64Array;
-  #cell = 0; // the first row of cells that is not complete
+  readonly #cells: Float64Array; // weighted sums: rows, columns, RGB
+  readonly #whole: Sums; // of the rows that lie wholly in the present row of cells
+  readonly #part: Sums; // of one row that is shared
+  #wholeRows = 0;
+  #present = 0; // the first row of cells that is not complete
 
   constructor(readonly framing: Framing) {
     const { top, bottom, left, right, photoHeight, photoWidth } = framing;
@@ -35,70 +43,100 @@ export class CellMeans {
     this.height = this.#rows.last.at(-1)! + 1 - this.top;
     this.left = this.#columns.first[0]!;
     this.width = this.#columns.last.at(-1)! + 1 - this.left;
-    this.#sums = new Float64Array(3 * framing.inputHeight * framing.inputWidth);
-    this.#line = new Float64Array(3 * framing.inputWidth);
+    this.#cells = new Float64Array(3 * framing.inputHeight * framing.inputWidth);
+    this.#whole = noSums(this.width);
+    this.#part = noSums(this.width);
   }
 
   /** Adds whole rows of the part that matters, RGBA, from `row` of the photo on, in order. */
   add(rgba: Uint8ClampedArray, row: number): void {
     const pixels = new Uint32Array(rgba.buffer, rgba.byteOffset, rgba.byteLength / 4);
     const { first, last, firstWeight, lastWeight } = this.#rows;
-    for (let i = 0; i < pixels.length / this.width; i++) {
-      const at = row + i;
-      this.#sumLine(pixels, i * this.width - this.left);
-      while (this.#cell < first.length && last[this.#cell]! < at) this.#cell++;
-      for (let cell = this.#cell; cell < first.length && first[cell]! <= at; cell++) {
-        const isLast = at === last[cell] ? lastWeight[cell]! : 1;
-        this.#addLine(cell, at === first[cell] ? firstWeight[cell]! : isLast);
+    for (let start = 0, at = row; start < pixels.length; start += this.width, at++) {
+      for (; this.#present < first.length && last[this.#present]! < at; this.#present++) {
+        this.#flush();
+      }
+      for (let cell = this.#present; cell < first.length && first[cell]! <= at; cell++) {
+        const weight =
+          at === first[cell] ? firstWeight[cell]! : at === last[cell] ? lastWeight[cell]! : 1;
+        if (weight === 1) this.#addWhole(pixels, start);
+        else this.#addPart(pixels, start, cell, weight);
       }
     }
   }
 
   /** Red, green and blue planes, with pixel value 0 at `low` and 255 at `high`. */
   planes(low: number, high: number): Float32Array {
-    const count = this.#sums.length / 3;
+    this.#flush();
+    const count = this.#cells.length / 3;
     const scale = (high - low) / (255 * this.#rows.length * this.#columns.length);
     const result = new Float32Array(3 * count);
     for (let cell = 0; cell < count; cell++) {
       for (let c = 0; c < 3; c++)
-        result[c * count + cell] = low + scale * this.#sums[3 * cell + c]!;
+        result[c * count + cell] = low + scale * this.#cells[3 * cell + c]!;
     }
     return result;
   }
 
-  /** Sums one line of pixels over the columns' spans. */
-  #sumLine(pixels: Uint32Array, start: number): void {
-    const { first, last, firstWeight, lastWeight } = this.#columns;
-    const line = this.#line;
-    for (let cell = 0; cell < first.length; cell++) {
-      const [from, to] = [start + first[cell]!, start + last[cell]!];
-      const [head, tail] = [pixels[from]!, pixels[to]!];
-      const [a, b] = [firstWeight[cell]!, lastWeight[cell]!];
-      let red = a * (head & 255) + b * (tail & 255);
-      let green = a * ((head >>> 8) & 255) + b * ((tail >>> 8) & 255);
-      let blue = a * ((head >>> 16) & 255) + b * ((tail >>> 16) & 255);
-      for (let at = from + 1; at < to; at += PACKED) {
-        const end = Math.min(at + PACKED, to);
-        let [even, odd] = [0, 0]; // two channels of 16 bits each
-        for (let i = at; i < end; i++) {
-          const pixel = pixels[i]!;
-          even = (even + (pixel & 0xff00ff)) | 0;
-          odd = (odd + ((pixel >>> 8) & 0xff)) | 0;
-        }
-        red += even & 0xffff;
-        green += odd;
-        blue += even >>> 16;
-      }
-      line[3 * cell] = red;
-      line[3 * cell + 1] = green;
-      line[3 * cell + 2] = blue;
-    }
+  #addWhole(pixels: Uint32Array, start: number): void {
+    addRow(this.#whole, pixels, start);
+    this.#wholeRows++;
+    if (this.#wholeRows === PACKED) this.#flush();
   }
 
-  #addLine(cell: number, weight: number): void {
-    const [line, sums] = [this.#line, this.#sums];
-    const start = cell * line.length;
-    for (let i = 0; i < line.length; i++) sums[start + i]! += weight * line[i]!;
+  #addPart(pixels: Uint32Array, start: number, cell: number, weight: number): void {
+    clear(this.#part);
+    addRow(this.#part, pixels, start);
+    this.#addColumns(this.#part, cell, weight);
+  }
+
+  #flush(): void {
+    if (this.#wholeRows === 0) return;
+    this.#addColumns(this.#whole, this.#present, 1);
+    clear(this.#whole);
+    this.#wholeRows = 0;
+  }
+
+  /** Adds up sums over the columns' spans, for one row of cells. */
+  #addColumns({ redBlue, green }: Sums, row: number, weight: number): void {
+    const { first, last, firstWeight, lastWeight } = this.#columns;
+    const cells = this.#cells;
+    for (let cell = 0, to = 3 * row * first.length; cell < first.length; cell++, to += 3) {
+      const from = first[cell]! - this.left;
+      const end = last[cell]! - this.left;
+      const a = firstWeight[cell]!;
+      const b = lastWeight[cell]!;
+      let red = a * (redBlue[from]! & 0xffff) + b * (redBlue[end]! & 0xffff);
+      let mid = a * green[from]! + b * green[end]!;
+      let blue = a * (redBlue[from]! >>> 16) + b * (redBlue[end]! >>> 16);
+      for (let i = from + 1; i < end; i++) {
+        red += redBlue[i]! & 0xffff;
+        mid += green[i]!;
+        blue += redBlue[i]! >>> 16;
+      }
+      cells[to]! += weight * red;
+      cells[to + 1]! += weight * mid;
+      cells[to + 2]! += weight * blue;
+    }
+  }
+}
+
+function noSums(width: number): Sums {
+  return { redBlue: new Int32Array(width), green: new Int32Array(width) };
+}
+
+function clear({ redBlue, green }: Sums): void {
+  redBlue.fill(0);
+  green.fill(0);
+}
+
+/** Nearly all the time goes here: once per pixel of the photo. */
+function addRow({ redBlue, green }: Sums, pixels: Uint32Array, start: number): void {
+  const width = green.length;
+  for (let i = 0; i < width; i++) {
+    const pixel = pixels[start + i]!;
+    redBlue[i] = redBlue[i]! + (pixel & 0xff00ff);
+    green[i] = green[i]! + ((pixel >>> 8) & 0xff);
   }
 }
 
