@@ -4,9 +4,10 @@ deeplight simulate --hdri my_panoramas --out data/sim
 
 Makes a data set to train on (--recipe.*). With --video: clips as a phone records them, for
 `deeplight capture`, with what is true of them (--film.*). With --light-stage: photographs of the
-spheres under single lights, for `deeplight reflectance` (--stage.*), without panoramas. Any folder
-of .hdr or .exr panoramas works; a manifest.csv in it (file, split, place, scene, licence,
-synthetic_ground) decides splits by place. Killed and run again, all go on where they were.
+spheres under single lights, for `deeplight reflectance` (--stage.*), without panoramas. With
+--rooms N or --skies N: made-up panoramas to film in (--worlds.*). Any folder of .hdr or .exr
+panoramas works; a manifest.csv in it (file, split, place, scene, licence, synthetic_ground)
+decides splits by place. Killed and run again, all go on where they were.
 """
 
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from rich.console import Console
 from deeplight.simulate.film.recipe import FilmRecipe
 from deeplight.simulate.light_stage import LightStage
 from deeplight.simulate.run import Recipe
+from deeplight.simulate.worlds.settings import Worlds
 
 
 @dataclass(frozen=True)
@@ -44,15 +46,23 @@ class Args:
     """Photograph spheres in a virtual light stage instead."""
     stage: LightStage = field(default_factory=LightStage)
     """What the stage is, with --light-stage."""
+    rooms: int = 0
+    """Make so many rooms to film in instead of a data set."""
+    skies: int = 0
+    """The same for open ground under physical skies."""
+    worlds: Worlds = field(default_factory=Worlds)
+    """How these are made."""
 
 
 def run(args: Args) -> None:
-    from deeplight.cli.simulate_modes import data_set, films, light_stage
+    from deeplight.cli.simulate_modes import data_set, films, light_stage, worlds
     from deeplight.engine import Engine
 
     engine = Engine(args.engine, args.workers, args.ray_address)
     console = Console()
-    if args.light_stage:
+    if args.rooms or args.skies:
+        worlds(args.out, args.rooms, args.skies, args.worlds, console)
+    elif args.light_stage:
         light_stage(args.out, args.stage, console)
     elif args.video:
         films(args.hdri, args.out, args.film, console)

@@ -12,6 +12,7 @@ from deeplight.errors import ConfigError
 from deeplight.simulate.film.recipe import FilmRecipe
 from deeplight.simulate.light_stage import LightStage
 from deeplight.simulate.run import Recipe
+from deeplight.simulate.worlds.settings import Worlds
 
 
 def data_set(
@@ -62,6 +63,16 @@ def light_stage(out: Path, stage: LightStage, console: Console) -> None:
         lights = write_light_stage(out, stage, lambda n: bar.advance(task, n))
     spheres = ", ".join(stage.materials)
     console.print(escape(f"{spheres} under {len(lights.files)} lights in {out}"), soft_wrap=True)
+
+
+def worlds(out: Path, rooms: int, skies: int, settings: Worlds, console: Console) -> None:
+    """Make rooms and skies."""
+    from deeplight.simulate.worlds.run import make_worlds
+
+    with _bar(console) as bar:
+        task = bar.add_task("making places", total=rooms + skies)
+        count = make_worlds(out, rooms, skies, settings, lambda n: bar.advance(task, n))
+    console.print(escape(f"{count} panoramas in {out}; film in them with --hdri {out}"))
 
 
 def _panoramas(hdri: Path | None) -> Path:

@@ -25,6 +25,7 @@ from deeplight.simulate import panorama
 from deeplight.simulate.panorama import Place
 from deeplight.simulate.phone import PHONES
 from deeplight.simulate.take import Frame, film
+from deeplight.simulate.vary import varied
 from deeplight.sphere import PAPER_RIG
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9_-]")  # in names of takes; their numbers keep them apart
@@ -44,6 +45,7 @@ class Recipe:
         synthetic_ground: film, looking up, in panoramas whose ground is made up.
         shard_takes: takes in each shard.
         seed: another seed films other takes.
+        varied: share of training takes filmed in a varied copy of their place (`vary`).
     """
 
     train_takes: int = 64
@@ -54,6 +56,7 @@ class Recipe:
     synthetic_ground: bool = False
     shard_takes: int = 64
     seed: int = 0
+    varied: float = 0.0
 
     def takes(self, split: str) -> int:
         """Takes in each place of a split of the data set."""
@@ -68,6 +71,8 @@ class Recipe:
             if getattr(self, name) < limit:
                 got = f"{getattr(self, name)}"
                 raise ConfigError(f"recipe.{name} of at least {limit}", got, "correct it")
+        if not 0 <= self.varied <= 1:
+            raise ConfigError("recipe.varied from 0 to 1", f"{self.varied}", "correct it")
         if self.phone not in PHONES:
             raise ConfigError(f"a phone of {', '.join(PHONES)}", self.phone, "choose one of these")
 
@@ -108,9 +113,13 @@ class Simulation:
         name = f"{_UNSAFE.sub('_', place.path.stem)[:60]}-{take:05d}"
         rng = np.random.default_rng([recipe.seed, *split.encode(), *place.path.stem.encode(), take])
         phone = PHONES[recipe.phone]
+        other = np.random.default_rng([recipe.seed, *name.encode()])  # leaves the take's own alone
+        made = split == "train" and other.random() < recipe.varied
+        if made:
+            radiance = varied(radiance, other)
         frames = film(radiance, phone, PAPER_RIG, recipe.frames, rng, place.synthetic_ground)
         for number, frame in enumerate(frames):
-            yield _example(frame, number, split, place, name, recipe.phone)
+            yield _example(frame, number, split, place, name, recipe.phone, made)
 
 
 def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation]:
@@ -184,7 +193,9 @@ def _film_shard(shards: ShardPlan, simulation: Simulation, job: ShardJob) -> int
     return shards.write(job, simulation.examples(job)).examples
 
 
-def _example(frame: Frame, number: int, split: str, place: Place, take: str, phone: str) -> Example:
+def _example(
+    frame: Frame, number: int, split: str, place: Place, take: str, phone: str, made: bool
+) -> Example:
     meta = ExampleMeta(
         place=place.name,
         take=take,
@@ -198,6 +209,7 @@ def _example(frame: Frame, number: int, split: str, place: Place, take: str, pho
         details={
             "world_from_camera": frame.pose.round(6).tolist(),
             "log_gain": [round(g, 6) for g in frame.setting.log_gain],
+            **({"varied": True} if made else {}),
         },
     )
     truth = None if split == "train" else frame.true_lighting.radiance
@@ -208,4 +220,7 @@ def _example(frame: Frame, number: int, split: str, place: Place, take: str, pho
 def _described(recipe: Recipe, places: list[Place]) -> dict[str, Any]:
     """What the plan remembers, so that a changed folder or setting is noticed."""
     files = {p.path.name: [p.name, p.split, p.scene] for p in places}
-    return {"made_by": "deeplight simulate", **asdict(recipe), "panoramas": files}
+    settings = asdict(recipe)
+    if not recipe.varied:
+        del settings["varied"]  # data sets older than this setting go on
+    return {"made_by": "deeplight simulate", **settings, "panoramas": files}

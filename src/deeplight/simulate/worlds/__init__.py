@@ -1,0 +1,1 @@
+"""Made-up places to film in: rooms and open ground under physical skies, as HDR panoramas."""
