@@ -22,6 +22,7 @@ VERBS = {
     "train": "train the network on a data set",
     "render": "radiance transfer of an object, for shading it in real time",
     "convert": "light in any format and mapping, for any tool, edited on the way",
+    "demo": "the live page: camera or photo in, its light out, in the browser",
     "evaluate": "measure an estimator on a data set, beside trivial baselines",
 }
 """Verb -> help line. Only the module of the verb asked for, `deeplight.cli.<verb>`, is loaded."""

@@ -1,0 +1,54 @@
+"""Open the live page: camera or photo in, its light out, all in the browser.
+
+deeplight demo
+
+deeplight demo --export public    (a folder for any web host)
+
+Nothing that the camera sees leaves the browser. Browsers give the camera only to https pages and to
+localhost: docs/demo.md tells how to open the page on a phone.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+LOOPBACK = ("127.0.0.1", "localhost")
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `deeplight demo`."""
+
+    port: int = 8765
+    """Port to serve at; 0 takes any free one."""
+    host: str = "127.0.0.1"
+    """Address to serve at; 0.0.0.0 lets the whole network in."""
+    no_open: bool = False
+    """Do not open the browser."""
+    export: Path | None = None
+    """Write the page into this folder instead, for any web host."""
+
+
+def run(args: Args) -> None:
+    """Serve until Ctrl-C, or write the folder."""
+    from deeplight.demo.server import DemoServer
+    from deeplight.demo.site import Site
+
+    site = Site.installed()
+    if args.export is not None:
+        count = site.copied(args.export)
+        sys.stdout.write(f"{count} files in {args.export}: put them on any https host\n")
+        return
+    with DemoServer(site, args.host, args.port) as server:
+        sys.stdout.write(f"DeepLight is at {server.url} (Ctrl-C stops it)\n")
+        if args.host not in LOOPBACK:
+            sys.stdout.write("from other machines: photos only, no camera (that needs https)\n")
+        sys.stdout.flush()
+        if not args.no_open and sys.stdout.isatty():
+            import webbrowser
+
+            webbrowser.open(server.url)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            sys.stdout.write("\nstopped\n")

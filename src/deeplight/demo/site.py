@@ -1,0 +1,99 @@
+"""The built page as files: which there are, what they are, and a copy of them for any web host."""
+
+import hashlib
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+
+from deeplight.errors import ConfigError
+from deeplight.estimate.onnx_estimator import shipped_model
+from deeplight.io.atomic import replacing, results_folder
+
+MODEL = "model/deeplight.onnx"
+"""Where the page looks for the network; the installed package's own is given there."""
+
+HASHED = "assets/"
+"""Files in this folder have their content's hash in their names: they never change."""
+
+TYPES = {
+    ".bin": "application/octet-stream",
+    ".css": "text/css; charset=utf-8",
+    ".glb": "model/gltf-binary",
+    ".html": "text/html; charset=utf-8",
+    ".ico": "image/x-icon",
+    ".jpg": "image/jpeg",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".mjs": "text/javascript; charset=utf-8",
+    ".onnx": "application/octet-stream",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+    ".wasm": "application/wasm",
+    ".webmanifest": "application/manifest+json",
+    ".webp": "image/webp",
+}
+
+
+@dataclass(frozen=True)
+class Site:
+    """The files of the page by their address, without the leading slash."""
+
+    files: Mapping[str, Path]
+
+    @classmethod
+    def installed(cls, folder: Path | None = None) -> "Site":
+        """The page that came with this installation; links in its folder are left out.
+
+        Raises:
+            ConfigError: it was not built.
+        """
+        folder = folder or Path(str(resources.files("deeplight") / "demo" / "site"))
+        if not (folder / "index.html").is_file():
+            do = "install a released wheel, or in a checkout run: make web"
+            raise ConfigError("the built page", f"no {folder / 'index.html'}", do)
+        files = {
+            path.relative_to(folder).as_posix(): path
+            for path in sorted(folder.rglob("*"))
+            if path.is_file() and not path.is_symlink() and folder.resolve() in _parents(path)
+        }
+        return cls(MappingProxyType(files | {MODEL: shipped_model()}))
+
+    def copied(self, to: Path) -> int:
+        """Write the files into a folder for any web host; give how many.
+
+        Raises:
+            ConfigError: the folder has something in it already.
+            OSError: it cannot be written.
+        """
+        if to.exists() and (not to.is_dir() or any(to.iterdir())):
+            raise ConfigError("an empty or new folder", f"{to}", "name another, or empty it")
+        with results_folder(to):
+            for name, path in self.files.items():
+                with replacing(to / name) as temporary:
+                    shutil.copyfile(path, temporary)
+        return len(self.files)
+
+
+def content_type(name: str) -> str:
+    """What a file is; a browser is not to guess."""
+    return TYPES.get(Path(name).suffix.lower(), "application/octet-stream")
+
+
+def content_policy() -> str:
+    """The Content-Security-Policy: nothing from elsewhere, no inline scripts, WASM allowed."""
+    return (resources.files("deeplight") / "demo" / "policy.txt").read_text("utf-8").strip()
+
+
+def tag_of(path: Path) -> str:
+    """An entity tag: the same as long as the content is."""
+    with path.open("rb") as file:
+        return f'"{hashlib.file_digest(file, "sha256").hexdigest()[:24]}"'
+
+
+def _parents(path: Path) -> list[Path]:
+    """The real folders a file lies in: a linked folder leads out of the site."""
+    return list(path.resolve().parents)

@@ -1,0 +1,284 @@
+"""The demo's server gives its files and nothing else, whatever it is asked."""
+
+import http.client
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from deeplight.cli.main import main
+from deeplight.demo.server import DemoServer
+from deeplight.demo.site import MODEL, Site, content_policy, content_type
+from deeplight.errors import ConfigError
+from deeplight.estimate.onnx_estimator import shipped_model
+
+SECRET = b"not for you"
+FILES = {
+    "index.html": b"<!doctype html><title>DeepLight</title>",
+    "assets/page-1a2b.js": b"export {};",
+    "runtime/ort.wasm": b"\0asm\1\0\0\0",
+    "with space.txt": b"space",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A built page, with a secret beside it and links that lead there."""
+    site = tmp_path / "site"
+    for name, content in FILES.items():
+        (site / name).parent.mkdir(parents=True, exist_ok=True)
+        (site / name).write_bytes(content)
+    (tmp_path / "secret.txt").write_bytes(SECRET)
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside/secret.txt").write_bytes(SECRET)
+    (site / "link.txt").symlink_to(tmp_path / "secret.txt")
+    (site / "linked").symlink_to(tmp_path / "outside")
+    return site
+
+
+@pytest.fixture
+def server(folder: Path) -> Iterator[DemoServer]:
+    with DemoServer(Site.installed(folder)) as running:
+        thread = threading.Thread(target=running.serve_forever, args=(0.01,))
+        thread.start()
+        yield running
+        running.shutdown()
+        thread.join()
+
+
+def ask(
+    server: DemoServer, address: str, method: str = "GET", headers: dict[str, str] | None = None
+) -> tuple[http.client.HTTPResponse, bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+    connection.request(method, address, headers=headers or {})
+    response = connection.getresponse()
+    body = response.read()
+    connection.close()
+    return response, body
+
+
+def say(server: DemoServer, request: bytes) -> bytes:
+    """Send raw bytes; give the whole answer."""
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
+        connection.sendall(request)
+        answer = b""
+        try:
+            while part := connection.recv(65536):
+                answer += part
+        except ConnectionResetError:
+            pass  # it stopped listening before we had said everything
+        return answer
+
+
+@pytest.mark.parametrize(
+    ("address", "name", "kind"),
+    [
+        ("/", "index.html", "text/html; charset=utf-8"),
+        ("/index.html?from=home", "index.html", "text/html; charset=utf-8"),
+        ("/assets/page-1a2b.js", "assets/page-1a2b.js", "text/javascript; charset=utf-8"),
+        ("/runtime/ort.wasm", "runtime/ort.wasm", "application/wasm"),
+        ("/with%20space.txt", "with space.txt", "text/plain; charset=utf-8"),
+    ],
+)
+def test_files_come_whole_and_with_their_type(
+    server: DemoServer, address: str, name: str, kind: str
+) -> None:
+    response, body = ask(server, address)
+    assert (response.status, body) == (200, FILES[name])
+    assert response.headers["Content-Type"] == kind
+    assert response.headers["Content-Security-Policy"] == content_policy()
+    assert response.headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_the_network_is_the_installed_one(server: DemoServer) -> None:
+    response, body = ask(server, f"/{MODEL}")
+    assert body == shipped_model().read_bytes()
+    assert response.headers["Content-Type"] == "application/octet-stream"
+
+
+def test_the_policy_allows_nothing_from_elsewhere_and_no_inline_scripts() -> None:
+    rules = dict(rule.strip().split(" ", 1) for rule in content_policy().split(";"))
+    assert rules["default-src"] == "'none'"
+    assert rules["script-src"] == "'self' 'wasm-unsafe-eval'"
+    assert not any("http" in rule or "*" in rule for rule in rules.values())
+    assert not any("'unsafe-" in rule for rule in rules.values())
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "/../secret.txt",
+        "/..%2fsecret.txt",
+        "/%2e%2e/secret.txt",
+        "/%252e%252e%252fsecret.txt",
+        "/assets/../../secret.txt",
+        "/..\\secret.txt",
+        "/%2e%2e%5csecret.txt",
+        "//secret.txt",
+        "/link.txt",
+        "/linked/secret.txt",
+        "/etc/passwd",
+        "/index.html%00.txt",
+        "/assets",
+        "/assets/",
+        "/.",
+        "/..",
+        "http://127.0.0.1/../secret.txt",
+        "/missing.txt",
+    ],
+)
+def test_nothing_else_is_found(server: DemoServer, address: str) -> None:
+    answer = say(server, f"GET {address} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n".encode())
+    assert answer.startswith(b"HTTP/1.1 404 ")
+    assert SECRET not in answer
+
+
+def test_an_absolute_address_reads_from_the_site_only(server: DemoServer, folder: Path) -> None:
+    path = (folder.parent / "secret.txt").as_posix()
+    for address in (path, f"/{path}", f"file://{path}"):
+        assert SECRET not in say(server, f"GET {address} HTTP/1.0\r\n\r\n".encode())
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "PROPFIND", "MADEUP"])
+def test_only_reading_is_allowed(server: DemoServer, method: str) -> None:
+    response, _ = ask(server, "/", method)
+    assert response.status == 405
+    assert response.headers["Allow"] == "GET, HEAD"
+
+
+def test_an_upload_is_refused_before_it_is_read(server: DemoServer) -> None:
+    head = b"POST /model/deeplight.onnx HTTP/1.1\r\nHost: x\r\nContent-Length: 9000000000\r\n\r\n"
+    assert say(server, head).startswith(b"HTTP/1.1 405 ")
+    head = b"GET / HTTP/1.1\r\nHost: x\r\nContent-Length: 9000000000\r\n\r\n"
+    assert say(server, head).startswith(b"HTTP/1.1 413 ")
+
+
+@pytest.mark.parametrize(
+    ("request_", "status"),
+    [
+        (b"GET /" + b"a" * 2000 + b" HTTP/1.1\r\n\r\n", b"414"),
+        (b"GET /" + b"a" * 70_000 + b" HTTP/1.1\r\n\r\n", b"414"),
+        (b"GET / HTTP/1.1\r\n" + b"X: " + b"y" * 70_000 + b"\r\n\r\n", b"431"),
+        (b"GET / HTTP/1.1\r\n" + b"X: y\r\n" * 200 + b"\r\n", b"431"),
+        (b"\x16\x03\x01\x02\x00\r\n\r\n", b"400"),
+        (b"GET / HTTP/9.9\r\n\r\n", b"505"),
+    ],
+)
+def test_oversized_and_broken_requests_are_refused(
+    server: DemoServer, request_: bytes, status: bytes
+) -> None:
+    answer = say(server, request_)
+    assert status in answer[:400] or answer == b""  # closed before it could be told
+    assert ask(server, "/")[0].status == 200  # and the server goes on
+
+
+def test_head_gives_everything_but_the_file(server: DemoServer) -> None:
+    response, body = ask(server, "/", "HEAD")
+    assert (response.status, body) == (200, b"")
+    assert response.headers["Content-Length"] == str(len(FILES["index.html"]))
+
+
+def test_an_unchanged_file_is_not_sent_again(server: DemoServer) -> None:
+    response, _ = ask(server, "/")
+    assert response.headers["Cache-Control"] == "no-cache"
+    again, body = ask(server, "/", headers={"If-None-Match": response.headers["ETag"]})
+    assert (again.status, body) == (304, b"")
+    assert ask(server, "/", headers={"If-None-Match": '"other"'})[0].status == 200
+    assert "immutable" in ask(server, "/assets/page-1a2b.js")[0].headers["Cache-Control"]
+
+
+def test_a_file_that_vanishes_is_not_found(server: DemoServer, folder: Path) -> None:
+    (folder / "with space.txt").unlink()
+    assert ask(server, "/with%20space.txt")[0].status == 404
+
+
+def test_one_connection_serves_many_files(server: DemoServer) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+    for address in ("/", "/runtime/ort.wasm", "/"):
+        connection.request("GET", address)
+        assert connection.getresponse().read() in FILES.values()
+    connection.close()
+
+
+def test_a_port_in_use_is_told(server: DemoServer, folder: Path) -> None:
+    with pytest.raises(ConfigError, match=f"got {server.port}, which is in use; give another"):
+        DemoServer(Site.installed(folder), port=server.port)
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "line"),
+    [
+        ("127.0.0.1", 99_999, "a port from 0 to 65535"),
+        ("203.0.113.1", 0, "an address of this machine; got 203.0.113.1"),
+        ("no.such.host.invalid", 0, "an address of this machine"),
+    ],
+)
+def test_an_impossible_address_is_told(folder: Path, host: str, port: int, line: str) -> None:
+    with pytest.raises(ConfigError, match=line):
+        DemoServer(Site.installed(folder), host, port)
+
+
+def test_a_page_that_is_not_built_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="in a checkout run: make web"):
+        Site.installed(tmp_path)
+
+
+def test_the_export_has_every_file_and_no_links(folder: Path, tmp_path: Path) -> None:
+    site = Site.installed(folder)
+    assert site.copied(tmp_path / "public") == len(FILES) + 1
+    written = {
+        path.relative_to(tmp_path / "public").as_posix(): path.read_bytes()
+        for path in (tmp_path / "public").rglob("*")
+        if path.is_file()
+    }
+    assert written == FILES | {MODEL: shipped_model().read_bytes()}
+
+
+def test_an_export_never_mixes_with_other_files(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/thesis.txt").touch()
+    with pytest.raises(ConfigError, match="an empty or new folder"):
+        Site.installed(folder).copied(tmp_path / "mine")
+    with pytest.raises(ConfigError, match="an empty or new folder"):
+        Site.installed(folder).copied(tmp_path / "mine/thesis.txt")
+
+
+def test_every_kind_of_file_has_a_type() -> None:
+    assert content_type("a/B.WASM") == "application/wasm"
+    assert content_type("noidea.xyz") == "application/octet-stream"
+
+
+def test_the_command_tells_its_address_and_stops_on_ctrl_c(folder: Path) -> None:
+    code = (
+        "import sys, pathlib; from deeplight.demo import site; "
+        "find = site.Site.installed; "
+        f"site.Site.installed = lambda: find(pathlib.Path({str(folder)!r})); "
+        "from deeplight.cli.main import main; sys.exit(main(['demo', '--port', '0']))"
+    )
+    running = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert running.stdout is not None
+    line = running.stdout.readline()
+    port = int(line.split("http://127.0.0.1:")[1].split("/")[0])
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.request("GET", "/")
+    assert connection.getresponse().read() == FILES["index.html"]
+    running.send_signal(2)
+    out, complaints = running.communicate(timeout=10)
+    assert (running.returncode, out.strip(), complaints) == (0, "stopped", "")
+
+
+def test_the_command_says_in_one_line_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    installed = Site.installed
+    monkeypatch.setattr(Site, "installed", lambda: installed(tmp_path))
+    assert main(["demo"]) == 2
+    complaint = capsys.readouterr().err
+    assert complaint.count("\n") == 1
+    assert complaint.startswith("deeplight demo: expected the built page; got no ")
