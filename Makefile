@@ -14,13 +14,13 @@ EXTRAS := capture,cluster,dev,heic,render,train
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint ci bench results round-trip web web-test web-e2e clean
+.PHONY: help run test lint ci bench results round-trip web web-test web-e2e web-ci clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
 	@echo "make test   run the tests (installs everything, CPU torch too)"
 	@echo "make lint   ruff, mypy, import rules"
-	@echo "make ci     what CI runs: lint and test"
+	@echo "make ci     what CI runs: lint, the live page's tests (if there is node), test"
 	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
 	@echo "make results evaluate the model on DATA and rewrite the numbers in the documents"
 	@echo "make round-trip  our light in Mitsuba, Blender, three.js, Babylon.js (node, chromium)"
@@ -43,7 +43,13 @@ lint: $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-ci: lint test
+# The page is built before the tests, since some of them look at it.
+ci: lint web-ci test
+
+web-ci:
+	@if node -e 'process.exit(process.versions.node.split(".")[0] < 20)' 2>/dev/null; \
+		then $(MAKE) web-test web; \
+		else echo "skipped: the live page's tests and build need node 20 or newer"; fi
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python benchmarks/estimate_latency.py
