@@ -1,0 +1,83 @@
+/** A real Chromium with the built page in it, watched for errors and foreign requests. */
+import { type Browser, chromium, type Page } from "playwright-core";
+import { expect } from "vitest";
+
+const FLAGS = [
+  "--no-sandbox",
+  "--disable-quic",
+  "--no-first-run",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+  "--use-gl=angle",
+  "--use-angle=swiftshader",
+  "--enable-unsafe-swiftshader",
+];
+
+export const PHONE = { width: 390, height: 844 };
+export const PHONE_LYING = { width: 844, height: 390 };
+export const DESKTOP = { width: 1280, height: 800 };
+
+/** @param clip what the fake camera plays; without one there is no camera. */
+export function launch(clip?: string): Promise<Browser> {
+  const camera = clip
+    ? [
+        "--use-fake-device-for-media-stream",
+        "--use-fake-ui-for-media-stream",
+        `--use-file-for-fake-video-capture=${clip}`,
+      ]
+    : [];
+  const executablePath = process.env.DEEPLIGHT_CHROMIUM ?? "/usr/bin/chromium";
+  return chromium.launch({ executablePath, args: [...FLAGS, ...camera] });
+}
+
+export interface Visit {
+  readonly page: Page;
+  /** Closes the page; fails if it logged an error or asked anybody else for anything. */
+  leave(expected?: RegExp): Promise<void>;
+}
+
+export interface How {
+  readonly viewport?: { width: number; height: number };
+  readonly touch?: boolean;
+  readonly reducedMotion?: boolean;
+  /** Runs before the page's own scripts. */
+  readonly before?: (page: Page) => Promise<unknown>;
+}
+
+export async function visit(browser: Browser, url: string, how: How = {}): Promise<Visit> {
+  const context = await browser.newContext({
+    viewport: how.viewport ?? PHONE,
+    hasTouch: how.touch ?? false,
+    isMobile: how.touch ?? false,
+    reducedMotion: how.reducedMotion ? "reduce" : "no-preference",
+    acceptDownloads: true,
+  });
+  const page = await context.newPage();
+  const errors: string[] = [];
+  const foreign: string[] = [];
+  page.on("pageerror", (error) => errors.push(String(error)));
+  page.on("console", (message) => {
+    if (message.type() === "error") errors.push(message.text());
+  });
+  context.on("request", (request) => {
+    const { origin, protocol } = new URL(request.url());
+    const own = origin === new URL(url).origin || protocol === "blob:" || protocol === "data:";
+    if (!own || request.method() !== "GET") foreign.push(`${request.method()} ${request.url()}`);
+  });
+  await how.before?.(page);
+  await page.goto(url);
+  return {
+    page,
+    async leave(expected) {
+      await context.close();
+      expect(errors.filter((error) => !expected?.test(error))).toEqual([]);
+      expect(foreign).toEqual([]);
+    },
+  };
+}
+
+/** Waits until the light of what is on screen is there. */
+export async function untilLit(page: Page): Promise<void> {
+  await page.waitForSelector("#save-json:enabled", { state: "attached" });
+}

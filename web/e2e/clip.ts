@@ -1,0 +1,35 @@
+/** Clips for the fake camera, made of an example photo: a phone panned over it. */
+import { readFile, writeFile } from "node:fs/promises";
+import type { Browser } from "playwright-core";
+
+export const PHOTOS = new URL("../../examples/photos/", import.meta.url);
+const FRAMES = 24;
+const SIZE = { width: 432, height: 768 };
+
+/** Chromium plays concatenated JPEGs, over and over. */
+export async function makeClip(browser: Browser, file: string): Promise<void> {
+  const photo = (await readFile(new URL("canteen.jpg", PHOTOS))).toString("base64");
+  const page = await browser.newPage();
+  const frames = await page.evaluate(panned, { photo, ...SIZE, count: FRAMES });
+  await page.close();
+  await writeFile(file, Buffer.concat(frames.map((frame) => Buffer.from(frame, "base64"))));
+}
+
+/** Runs in the browser. */
+async function panned(of: { photo: string; width: number; height: number; count: number }) {
+  const bytes = Uint8Array.from(atob(of.photo), (letter) => letter.charCodeAt(0));
+  const photo = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
+  const canvas = new OffscreenCanvas(of.width, of.height);
+  const context = canvas.getContext("2d")!;
+  const frames: string[] = [];
+  for (let i = 0; i < of.count; i++) {
+    const swing = (1 - Math.cos((2 * Math.PI * i) / of.count)) / 2;
+    const [left, top] = [swing * (photo.width - of.width), swing * (photo.height - of.height)];
+    context.drawImage(photo, -left, -top);
+    const blob = await canvas.convertToBlob({ type: "image/jpeg", quality: 0.9 });
+    let text = "";
+    for (const byte of new Uint8Array(await blob.arrayBuffer())) text += String.fromCharCode(byte);
+    frames.push(btoa(text));
+  }
+  return frames;
+}

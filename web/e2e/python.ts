@@ -1,0 +1,59 @@
+/** The Python side: the server of the built page, and the estimate that ours must equal. */
+import { execFile, spawn } from "node:child_process";
+import { mkdtemp, readFile } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import path from "node:path";
+import { fileURLToPath } from "node:url";
+import { promisify } from "node:util";
+
+const ROOT = fileURLToPath(new URL("../../", import.meta.url));
+const PROGRAM = process.env.DEEPLIGHT ?? path.join(ROOT, ".venv/bin/deeplight");
+
+export interface Site {
+  readonly url: string;
+  stop(): Promise<void>;
+}
+
+/** `deeplight demo`, with the content policy that users get. */
+export function serve(): Promise<Site> {
+  const server = spawn(PROGRAM, ["demo", "--port", "0"], { stdio: ["ignore", "pipe", "inherit"] });
+  const stop = (): Promise<void> =>
+    new Promise((stopped) => {
+      if (server.exitCode !== null) return stopped();
+      server.once("exit", () => stopped());
+      server.kill("SIGINT");
+    });
+  return new Promise((ready, failed) => {
+    let said = "";
+    server.once("exit", (code) => failed(new Error(`deeplight demo ended with ${code}: ${said}`)));
+    server.stdout.on("data", (chunk: Buffer) => {
+      said += chunk;
+      const url = /http:\/\/\S+/.exec(said)?.[0];
+      if (url) ready({ url, stop });
+    });
+  });
+}
+
+/** Log radiance of the 32 x 32 ball, as `deeplight estimate` writes it for a photo. */
+export async function estimated(photo: string): Promise<Float32Array> {
+  const out = await mkdtemp(path.join(tmpdir(), "deeplight-"));
+  await promisify(execFile)(PROGRAM, ["estimate", photo, "--out", out]);
+  return ballOf(await readFile(path.join(out, `${path.parse(photo).name}.json`), "utf8"));
+}
+
+/** Log radiance from a lighting file, ours or the page's. */
+export function ballOf(json: string): Float32Array {
+  const { size, radiance } = JSON.parse(json).mirror_ball;
+  const bytes = Uint8Array.from(Buffer.from(radiance, "base64"));
+  const values = new Float32Array(bytes.buffer);
+  if (values.length !== size * size * 3) throw new Error(`${values.length} values, size ${size}`);
+  return values.map(Math.log);
+}
+
+/** Largest difference where both have light. */
+export function farthest(a: Float32Array, b: Float32Array): number {
+  return a.reduce((most, value, i) => {
+    const both = Number.isFinite(value) || Number.isFinite(b[i]);
+    return both ? Math.max(most, Math.abs(value - b[i]!)) : most;
+  }, 0);
+}

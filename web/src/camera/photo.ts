@@ -1,0 +1,79 @@
+/** A photo from a file, upright, as large as browsers can hold. */
+import { MID_GREY } from "../contract/generated.ts";
+import { Failure } from "../page/failure.ts";
+import { verticalFovRad } from "./exif.ts";
+import type { Picture } from "./picture.ts";
+
+const MOST_BYTES = 100e6;
+const MOST_PIXELS = 100e6;
+/** iPhones refuse canvases of more than 16.7 megapixels. */
+const LONGEST_SIDE = 4096;
+
+export class Photo implements Picture {
+  readonly kind = "photo";
+
+  private constructor(
+    readonly file: string | null,
+    readonly source: HTMLCanvasElement,
+    readonly verticalFovRad: number | undefined,
+  ) {}
+
+  /**
+   * Reads a picture file.
+   *
+   * @throws Failure `photo-too-large` or `photo-unreadable`.
+   */
+  static async open(file: Blob): Promise<Photo> {
+    if (file.size > MOST_BYTES) throw new Failure("photo-too-large");
+    const bitmap = await createImageBitmap(file).catch((error: unknown) => {
+      throw new Failure("photo-unreadable", String(error));
+    });
+    try {
+      const { width, height } = bitmap;
+      if (width * height > MOST_PIXELS) throw new Failure("photo-too-large");
+      if (Math.min(width, height) < 32)
+        throw new Failure("photo-unreadable", "smaller than 32 pixels");
+      const fov = verticalFovRad(await file.arrayBuffer(), width, height);
+      const name = file instanceof File ? file.name : null;
+      return new Photo(name, drawn(bitmap, width, height), fov);
+    } finally {
+      bitmap.close();
+    }
+  }
+
+  /** The frame that a live camera shows now, kept. */
+  static of(picture: Picture): Photo {
+    const { source, width, height } = picture;
+    return new Photo(picture.file, drawn(source, width, height), picture.verticalFovRad);
+  }
+
+  get width(): number {
+    return this.source.width;
+  }
+
+  get height(): number {
+    return this.source.height;
+  }
+
+  grab(): Promise<ImageBitmap> {
+    return createImageBitmap(this.source);
+  }
+
+  close(): void {
+    this.source.width = this.source.height = 0; // gives the memory back at once
+  }
+}
+
+function drawn(source: CanvasImageSource, width: number, height: number): HTMLCanvasElement {
+  const scale = Math.min(1, LONGEST_SIDE / Math.max(width, height));
+  const canvas = document.createElement("canvas");
+  canvas.width = Math.round(width * scale);
+  canvas.height = Math.round(height * scale);
+  const context = canvas.getContext("2d");
+  if (!context) throw new Failure("photo-too-large", "no canvas of this size");
+  context.imageSmoothingQuality = "high";
+  context.fillStyle = `rgb(${MID_GREY},${MID_GREY},${MID_GREY})`; // under transparent parts
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(source, 0, 0, canvas.width, canvas.height);
+  return canvas;
+}

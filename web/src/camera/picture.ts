@@ -1,0 +1,17 @@
+/** What is on screen: the light is estimated from it, and the object stands in it. */
+export interface Picture {
+  readonly kind: "live" | "photo";
+  /** The name of its file; null for a camera's. */
+  readonly file: string | null;
+  /** Upright size in pixels. A live one changes when the phone is turned. */
+  readonly width: number;
+  readonly height: number;
+  /** What can be drawn: always upright, never mirrored. */
+  readonly source: HTMLVideoElement | HTMLCanvasElement;
+  /** Where the file tells it; undefined means that 66 degrees along the long side are assumed. */
+  readonly verticalFovRad: number | undefined;
+  /** The pixels of now, at full size. */
+  grab(): Promise<ImageBitmap>;
+  /** Lets go of the camera or the memory. */
+  close(): void;
+}

@@ -1,0 +1,256 @@
+/** The page as a whole: what is on screen, where its light comes from, what happens when it fails. */
+import { type Facing, hasSeveralCameras, LiveCamera } from "../camera/live.ts";
+import { Photo } from "../camera/photo.ts";
+import type { Picture } from "../camera/picture.ts";
+import { ASSUMED_LONG_SIDE_FOV_RAD } from "../contract/generated.ts";
+import type { Estimator } from "../estimate/estimator.ts";
+import type { Lighting } from "../light/lighting.ts";
+import type { Matrix3x3 } from "../light/matrix.ts";
+import { Smoother } from "../light/smoother.ts";
+import type { About } from "../save/index.ts";
+import { OrientationSensor } from "../sensors/orientation.ts";
+import { worldFromCamera } from "../sensors/pose.ts";
+import { verticalFov } from "../view/fit.ts";
+import { Gestures } from "../view/gestures.ts";
+import { Hand } from "../view/hand.ts";
+import { Showroom } from "../view/showroom.ts";
+import { Stage } from "../view/stage.ts";
+import { announce, box, button, canvas, element } from "./elements.ts";
+import { Failure } from "./failure.ts";
+import { inWords } from "./light-in-words.ts";
+import { LightPanel } from "./light-panel.ts";
+import { Meter } from "./meter.ts";
+import { ModelLoader } from "./model-loader.ts";
+import type { Notice } from "./notice.ts";
+import { Watch } from "./watch.ts";
+
+/** As `deeplight compose` assumes where nothing tells the tilt. */
+export const ASSUMED_TILT_RAD = (-15 * Math.PI) / 180;
+
+export class App {
+  readonly stage: Stage;
+  readonly hand: Hand;
+  readonly showroom: Showroom;
+  readonly sensor = new OrientationSensor();
+  /** Called when the picture, the pose or the tools' state have changed. */
+  onChange: () => void = () => {};
+  /** How the camera is held where no sensor tells. */
+  tiltRad = ASSUMED_TILT_RAD;
+  /** The newest light, smoothed while live. */
+  light: Lighting | null = null;
+  private picture: Picture | null = null;
+  private facing: Facing = "environment";
+  /** How the phone was held when its picture was frozen. */
+  private heldPose: Matrix3x3 | null = null;
+  private wasFrozen = false;
+  /** The camera is off because nobody sees the page. */
+  private sleeping = false;
+  private estimator: Estimator | null = null;
+  private watch: Watch | null = null;
+  private readonly model: ModelLoader;
+  private readonly smoother = new Smoother();
+  private readonly meter = new Meter();
+  private readonly panel = new LightPanel();
+
+  /** @throws Failure `no-webgl`. */
+  constructor(private readonly notice: Notice) {
+    this.stage = new Stage(canvas("view"));
+    this.stage.onLost = () => notice.show(new Failure("graphics-lost"));
+    this.hand = new Hand(this.stage);
+    this.showroom = new Showroom(this.stage);
+    this.model = new ModelLoader(notice);
+    new Gestures(canvas("view"), this.hand);
+    this.sensor.onReading = () => this.moved();
+    this.sensor.onFirstReading = () => this.placeAgain();
+    addEventListener("resize", () => this.stage.layOut());
+    element("video", HTMLVideoElement).addEventListener("resize", () => this.stage.layOut());
+    document.addEventListener("visibilitychange", () => this.visibilityChanged());
+    addEventListener("popstate", () => this.leave());
+  }
+
+  get shows(): "nothing" | "live" | "frozen" | "photo" {
+    if (!this.picture) return "nothing";
+    if (this.picture.kind === "live") return "live";
+    return this.wasFrozen ? "frozen" : "photo";
+  }
+
+  async openCamera(facing: Facing = this.facing): Promise<void> {
+    const goesOn = this.shows === "live" || this.shows === "frozen";
+    try {
+      this.release();
+      const camera = await LiveCamera.open(element("video", HTMLVideoElement), facing);
+      this.facing = camera.facing;
+      camera.onLost = () => {
+        this.leave();
+        this.notice.show(new Failure("camera-lost"));
+      };
+      this.show(camera, goesOn ? this.tiltRad : ASSUMED_TILT_RAD, goesOn);
+      button("switch-camera").hidden = !(await hasSeveralCameras());
+    } catch (error) {
+      this.leave();
+      this.notice.show(error);
+    }
+  }
+
+  otherCamera(): Promise<void> {
+    return this.openCamera(this.facing === "user" ? "environment" : "user");
+  }
+
+  async openPhoto(file: Blob | Promise<Blob>, tiltRad = ASSUMED_TILT_RAD): Promise<void> {
+    try {
+      const photo = await Photo.open(await file);
+      this.release();
+      this.show(photo, tiltRad);
+    } catch (error) {
+      this.notice.show(error);
+    }
+  }
+
+  /** Keeps the camera's picture of now as a photo; or goes on live. */
+  async freeze(): Promise<void> {
+    if (this.shows === "frozen") return this.openCamera();
+    if (this.picture?.kind !== "live") return;
+    const pose = this.pose();
+    const photo = Photo.of(this.picture);
+    this.picture.close();
+    this.picture = photo;
+    this.wasFrozen = true;
+    this.heldPose = pose;
+    this.stage.show(photo);
+    this.smoother.reset();
+    this.estimate();
+    announce("Picture frozen.");
+  }
+
+  /** Back to the start screen, camera off. */
+  leave(): void {
+    this.release();
+    box("viewer").hidden = true;
+    box("start").hidden = false;
+    if (history.state?.viewing) history.back();
+    this.onChange();
+  }
+
+  /** After tilt, height or field of view were set by hand: the object keeps its place on screen. */
+  cameraWasSet(lightToo: boolean): void {
+    const place = this.stage.place();
+    this.heldPose = null;
+    this.stage.setPose(this.pose());
+    this.stage.layOut();
+    this.hand.standAt(...place);
+    if (lightToo) this.watch?.look();
+  }
+
+  /** Where the camera looks: as the sensors say, else as it was set. */
+  pose(): Matrix3x3 {
+    const sensed = this.shows === "live" ? this.sensor.pose(this.facing) : this.heldPose;
+    return sensed ?? worldFromCamera(0, this.tiltRad);
+  }
+
+  /** Where the light of now comes from, for its file. */
+  about(): About {
+    const { picture, estimator } = this;
+    if (!picture || !estimator) throw new Failure("cannot-save", "nothing is estimated");
+    const { file, width, height } = picture;
+    const notes = picture.kind === "live" ? ["smoothed over the camera's last frames"] : [];
+    const photo = { file, width, height };
+    return { model: estimator.model, photo, verticalFovRad: this.fovOf(picture), notes };
+  }
+
+  showLightPanel(is: boolean): void {
+    box("light").hidden = !is;
+    if (is) this.panel.refresh();
+  }
+
+  /** @param keepsPlace leaves the object where it stands: the same camera goes on. */
+  private show(picture: Picture, tiltRad: number, keepsPlace = false): void {
+    this.picture = picture;
+    this.tiltRad = tiltRad;
+    this.wasFrozen = false;
+    this.heldPose = null;
+    box("start").hidden = true;
+    box("viewer").hidden = false;
+    if (!history.state?.viewing) history.pushState({ viewing: true }, "");
+    this.stage.show(picture);
+    if (keepsPlace) this.stage.setPose(this.pose());
+    else this.placeAgain();
+    this.estimate();
+    canvas("view").focus({ preventScroll: true });
+  }
+
+  private placeAgain(): void {
+    this.stage.setPose(this.pose());
+    this.hand.reset();
+    this.onChange();
+  }
+
+  private estimate(): void {
+    const { picture } = this;
+    this.meter.clear();
+    this.showMeter();
+    this.onChange();
+    void this.model.whenReady((estimator) => {
+      if (!picture || this.picture !== picture) return;
+      this.estimator = estimator;
+      this.watch ??= new Watch(estimator, {
+        pose: () => this.pose(),
+        verticalFovRad: (of) => this.fovOf(of),
+        seen: ({ lighting, worldFromCamera: pose, tookMs }) => this.seen(lighting, pose, tookMs),
+        failed: (error) => this.notice.show(error, () => this.estimate()),
+      });
+      this.watch.start(picture);
+    });
+  }
+
+  private seen(lighting: Lighting, pose: Matrix3x3, tookMs: number): void {
+    const isLive = this.shows === "live";
+    const isFirst = this.light === null;
+    const now = performance.now();
+    this.light = isLive ? this.smoother.next(lighting, now, pose) : lighting;
+    this.stage.setLight(this.light, pose);
+    this.panel.show(this.light);
+    this.meter.count(now, tookMs);
+    this.showMeter();
+    if (isFirst || !isLive) announce(`Light estimated. ${inWords(this.light.mainLight())}`);
+    if (isFirst) this.onChange();
+  }
+
+  /** As the file tells or the slider was set; undefined leaves the usual to be assumed. */
+  private fovOf(picture: Picture): number | undefined {
+    const { longSideFovRad } = this.stage;
+    if (picture.verticalFovRad || longSideFovRad === ASSUMED_LONG_SIDE_FOV_RAD) {
+      return picture.verticalFovRad;
+    }
+    return verticalFov(picture, longSideFovRad);
+  }
+
+  private showMeter(): void {
+    box("meter-text").textContent = String(this.meter);
+  }
+
+  private moved(): void {
+    if (this.shows === "live") this.stage.setPose(this.pose());
+  }
+
+  private release(): void {
+    this.watch?.stop();
+    this.picture?.close();
+    this.picture = null;
+    this.light = null;
+    this.smoother.reset();
+    this.panel.clear();
+    this.stage.clear();
+  }
+
+  /** A page that nobody sees does not film. */
+  private visibilityChanged(): void {
+    if (document.hidden && this.shows === "live") {
+      this.watch?.stop();
+      this.picture?.close();
+      this.sleeping = true;
+    } else if (!document.hidden && this.sleeping) {
+      this.sleeping = false;
+      void this.openCamera();
+    }
+  }
+}

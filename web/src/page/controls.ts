@@ -1,0 +1,100 @@
+/** Sliders, chips and trays. */
+import { box, button, element, input } from "./elements.ts";
+
+/** A slider with its value in words beside it. */
+export class Slider {
+  private readonly field: HTMLInputElement;
+  private readonly text: HTMLElement;
+
+  constructor(
+    id: string,
+    private readonly inWords: (value: number) => string,
+    changed: (value: number) => void,
+  ) {
+    this.field = input(id);
+    this.text = element(`${id}-value`, HTMLOutputElement);
+    this.field.addEventListener("input", () => {
+      this.show(this.value);
+      changed(this.value);
+    });
+  }
+
+  get value(): number {
+    return this.field.valueAsNumber;
+  }
+
+  show(value: number): void {
+    if (document.activeElement !== this.field) this.field.value = String(value);
+    this.text.textContent = this.inWords(value);
+    this.field.setAttribute("aria-valuetext", this.inWords(value));
+  }
+
+  enable(is: boolean): void {
+    this.field.disabled = !is;
+  }
+}
+
+export interface Choice {
+  readonly name: string;
+  readonly label: string;
+  /** A small picture in front of the label, by its class. */
+  readonly look?: string;
+}
+
+/** Chips of which one is chosen; native radio buttons inside, so keys work as everywhere. */
+export class Chips {
+  constructor(
+    private readonly id: string,
+    private readonly changed: (name: string) => void,
+  ) {}
+
+  show(choices: readonly Choice[], chosen: string | null): void {
+    box(this.id).replaceChildren(...choices.map((choice) => this.made(choice, chosen)));
+  }
+
+  private made(choice: Choice, chosen: string | null): HTMLElement {
+    const chip = document.createElement("label");
+    chip.className = "chip";
+    const radio = document.createElement("input");
+    Object.assign(radio, { type: "radio", name: this.id, value: choice.name, className: "unseen" });
+    radio.checked = choice.name === chosen;
+    radio.addEventListener("change", () => this.changed(choice.name));
+    chip.append(radio);
+    if (choice.look) {
+      const look = document.createElement("i");
+      look.className = choice.look;
+      chip.append(look);
+    }
+    chip.append(choice.label);
+    return chip;
+  }
+}
+
+/** Trays above the tools: at most one is open. */
+export function connectTrays(): void {
+  const tools = [...document.querySelectorAll<HTMLButtonElement>("[data-tray]")];
+  const open = (name: string | null): void => {
+    for (const tool of tools) {
+      const is = tool.dataset.tray === name;
+      tool.setAttribute("aria-expanded", String(is));
+      box(`tray-${tool.dataset.tray}`).hidden = !is;
+    }
+  };
+  for (const tool of tools) {
+    tool.addEventListener("click", () => {
+      open(tool.getAttribute("aria-expanded") === "true" ? null : (tool.dataset.tray ?? null));
+    });
+  }
+  box("viewer").addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    const opened = tools.find((tool) => tool.getAttribute("aria-expanded") === "true");
+    open(null);
+    opened?.focus();
+  });
+  box("view").addEventListener("pointerdown", () => open(null));
+}
+
+/** A button that is on or off. */
+export function press(id: string, is: boolean): void {
+  button(id).setAttribute("aria-pressed", String(is));
+}

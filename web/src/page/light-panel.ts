@@ -1,0 +1,75 @@
+/** The three spheres and the environment in the estimated light, as the camera would show them. */
+import { pixelFromRadiance } from "../light/camera-response.ts";
+import type { Lighting } from "../light/lighting.ts";
+import { prepareSpheres, type SphereName } from "../light/spheres.ts";
+import { box, canvas } from "./elements.ts";
+
+const BALLS: readonly (readonly [SphereName, string])[] = [
+  ["mirror", "ball-mirror"],
+  ["matte_silver", "ball-silver"],
+  ["diffuse", "ball-diffuse"],
+];
+const PANORAMA_HEIGHT = 32;
+/** A drawing takes some milliseconds of the view's time, so a live one is not drawn for every frame. */
+const REST_MS = 120;
+
+export class LightPanel {
+  private readonly ready = prepareSpheres();
+  private latest: Lighting | null = null;
+  private drawn: Lighting | null = null;
+  private drawing = false;
+
+  /** Shows the newest light as soon as there is time. */
+  show(lighting: Lighting): void {
+    this.latest = lighting;
+    if (!this.drawing && !box("light").hidden) void this.draw();
+  }
+
+  /** To be called when the panel has been opened. */
+  refresh(): void {
+    if (this.latest) this.show(this.latest);
+  }
+
+  clear(): void {
+    this.latest = this.drawn = null;
+  }
+
+  private async draw(): Promise<void> {
+    this.drawing = true;
+    await this.ready;
+    while (this.latest && this.latest !== this.drawn) {
+      const lighting = this.latest;
+      this.drawn = lighting;
+      for (const [sphere, id] of BALLS) {
+        paint(id, lighting.sphere(sphere));
+        await rest(REST_MS / 4);
+      }
+      paint("panorama", panorama(lighting));
+      await rest(REST_MS / 4);
+    }
+    this.drawing = false;
+  }
+}
+
+function panorama(lighting: Lighting): ImageData {
+  const radiance = lighting.equirect(PANORAMA_HEIGHT);
+  const picture = new ImageData(2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT);
+  for (let i = 0; i < 2 * PANORAMA_HEIGHT ** 2; i++) {
+    for (let c = 0; c < 3; c++) {
+      picture.data[4 * i + c] = 255 * pixelFromRadiance(radiance[3 * i + c]!);
+    }
+    picture.data[4 * i + 3] = 255;
+  }
+  return picture;
+}
+
+function paint(id: string, picture: ImageData): void {
+  const onto = canvas(id);
+  onto.width = picture.width;
+  onto.height = picture.height;
+  onto.getContext("2d")?.putImageData(picture, 0, 0);
+}
+
+function rest(ms: number): Promise<void> {
+  return new Promise((resolve) => setTimeout(resolve, ms));
+}

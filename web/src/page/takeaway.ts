@@ -1,0 +1,45 @@
+/** Files for the user: through the share sheet of a phone, as a download elsewhere. */
+import { Failure } from "./failure.ts";
+
+/** True when it was given away; false when the user closed the share sheet. */
+export async function give(file: File): Promise<boolean> {
+  if (sharesFiles() && navigator.canShare?.({ files: [file] })) {
+    try {
+      await navigator.share({ files: [file], title: file.name });
+      return true;
+    } catch (error) {
+      if (error instanceof DOMException && error.name === "AbortError") return false;
+      // Some browsers promise what they then refuse: fall through to a download.
+    }
+  }
+  download(file);
+  return true;
+}
+
+/** The picture as JPEG, or PNG where the browser writes no JPEG. */
+export function pictureFile(canvas: HTMLCanvasElement, stem: string): Promise<File> {
+  return new Promise((resolve, reject) => {
+    canvas.toBlob(
+      (blob) => {
+        if (!blob) return reject(new Failure("cannot-save", "no memory for the picture"));
+        const suffix = blob.type === "image/jpeg" ? "jpg" : "png";
+        resolve(new File([blob], `${stem}.${suffix}`, { type: blob.type }));
+      },
+      "image/jpeg",
+      0.93,
+    );
+  });
+}
+
+/** Desktop share sheets are a detour; a phone's is where pictures go. */
+function sharesFiles(): boolean {
+  return matchMedia("(pointer: coarse)").matches;
+}
+
+function download(file: File): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(file);
+  link.download = file.name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}

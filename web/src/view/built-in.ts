@@ -1,0 +1,112 @@
+/** The built-in objects: diffuse and silver by precomputed transfer, mirror and gloss by the environment. */
+import { Group, Mesh } from "three";
+import type { Lighting } from "../light/lighting.ts";
+import type { Matrix3x3 } from "../light/matrix.ts";
+import { Failure } from "../page/failure.ts";
+import {
+  type GroundShadow,
+  makeGroundShadow,
+  makeTransferObject,
+  parseTransfer,
+  type Transfer,
+  TransferError,
+  type TransferObject,
+} from "../transfer/index.ts";
+import type { Exhibit } from "./exhibit.ts";
+import { environmentMaterial, type MaterialName } from "./material.ts";
+
+/** One line of objects/index.json. */
+export interface BuiltInFacts {
+  readonly name: string;
+  readonly title: string;
+  readonly file: string;
+}
+
+type Finish = "diffuse" | "silver" | "mirror" | "glossy";
+
+export class BuiltIn implements Exhibit {
+  readonly object = new Group();
+  readonly materials: readonly Finish[] = ["diffuse", "silver", "mirror", "glossy"];
+  material: Finish = "diffuse";
+  private readonly shadow: GroundShadow;
+  private readonly made = new Map<Finish, Mesh>();
+  private harmonics: Float32Array | null = null;
+
+  private constructor(private readonly transfer: Transfer) {
+    this.shadow = makeGroundShadow(transfer);
+    this.object.add(this.shadow);
+    this.setMaterial("diffuse");
+  }
+
+  /** @throws Failure `object-missing`. */
+  static async load({ file }: BuiltInFacts): Promise<BuiltIn> {
+    const response = await fetched(file);
+    try {
+      return new BuiltIn(parseTransfer(await response.arrayBuffer()));
+    } catch (error) {
+      throw error instanceof TransferError ? new Failure("object-missing", error.message) : error;
+    }
+  }
+
+  get wantsEnvironment(): boolean {
+    return !isTransfer(this.mesh());
+  }
+
+  setMaterial(name: MaterialName): void {
+    this.object.remove(this.mesh());
+    this.material = name === "file" ? "diffuse" : name;
+    this.object.add(this.mesh());
+    this.light();
+  }
+
+  setLight(lighting: Lighting, objectFromCamera: Matrix3x3): void {
+    this.harmonics = lighting.turned(objectFromCamera).harmonics(this.transfer.order);
+    this.light();
+  }
+
+  dispose(): void {
+    this.shadow.dispose();
+    for (const mesh of this.made.values()) mesh.geometry.dispose();
+  }
+
+  private light(): void {
+    const mesh = this.mesh();
+    if (!this.harmonics) return;
+    this.shadow.setLight(this.harmonics);
+    if (isTransfer(mesh)) mesh.setLight(this.harmonics);
+  }
+
+  /** What is drawn in the material of now. */
+  private mesh(): Mesh {
+    const made = this.made.get(this.material) ?? this.make();
+    this.made.set(this.material, made);
+    return made;
+  }
+
+  private make(): Mesh {
+    if (this.material === "diffuse") return makeTransferObject(this.transfer, "diffuse");
+    if (this.material === "silver" && this.transfer.glossy) {
+      return makeTransferObject(this.transfer, "glossy");
+    }
+    const { geometry } = this.made.get("diffuse")!; // made first, in the constructor
+    return new Mesh(geometry, environmentMaterial(this.material));
+  }
+}
+
+/** The objects there are. @throws Failure `object-missing`. */
+export async function builtIns(): Promise<readonly BuiltInFacts[]> {
+  return (await fetched("index.json")).json();
+}
+
+async function fetched(file: string): Promise<Response> {
+  const url = new URL(`objects/${file}`, document.baseURI);
+  const response = await fetch(url).catch((error: unknown) => {
+    throw new Failure("object-missing", String(error));
+  });
+  if (!response.ok) throw new Failure("object-missing", `${url}: ${response.status}`);
+  return response;
+}
+
+function isTransfer(mesh: Mesh): mesh is TransferObject {
+  return "setLight" in mesh;
+}

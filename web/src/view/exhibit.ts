@@ -1,0 +1,18 @@
+/** What can stand in the picture: one of the built-in objects or the user's own. */
+import type { Object3D } from "three";
+import type { Lighting } from "../light/lighting.ts";
+import type { Matrix3x3 } from "../light/matrix.ts";
+import type { MaterialName } from "./material.ts";
+
+export interface Exhibit {
+  /** Stands on y = 0 around the origin; its longest side is 1. */
+  readonly object: Object3D;
+  readonly materials: readonly MaterialName[];
+  readonly material: MaterialName;
+  /** Whether its material is lit by the scene's environment; if not, that need not be kept up. */
+  readonly wantsEnvironment: boolean;
+  setMaterial(name: MaterialName): void;
+  /** New light, in the camera's frame; `objectFromCamera` turns its directions into the object's. */
+  setLight(lighting: Lighting, objectFromCamera: Matrix3x3): void;
+  dispose(): void;
+}

@@ -1,0 +1,50 @@
+import { describe, expect, it } from "vitest";
+import { Lighting } from "../light/lighting.ts";
+import { IDENTITY } from "../light/matrix.ts";
+import { pixelOfDirection } from "../light/mirror-ball.ts";
+import { worldFromCamera } from "../sensors/pose.ts";
+import { floorRays } from "./floor-rays.ts";
+
+const EVEN = new Float32Array(32 * 32 * 3);
+
+function lamp(direction: readonly [number, number, number], rgb: readonly number[]): Lighting {
+  const log = EVEN.slice();
+  rgb.forEach((value, c) => {
+    log[3 * pixelOfDirection(direction, 32) + c] = Math.log(value);
+  });
+  return new Lighting(log);
+}
+
+const sums = (power: Float32Array): number[] =>
+  [0, 1, 2].map((c) => power.reduce((sum, value, i) => (i % 3 === c ? sum + value : sum), 0));
+
+describe("floorRays", () => {
+  it("shares out all light, in every channel", () => {
+    const up = lamp([0.6, 0.8, 0], [900, 600, 300]);
+    for (const light of [new Lighting(EVEN), up]) {
+      for (const sum of sums(floorRays(light, IDENTITY, 96).power)) expect(sum).toBeCloseTo(1, 1);
+    }
+  });
+
+  it("comes from above, and for even light from every side alike", () => {
+    const { toLight } = floorRays(new Lighting(EVEN), IDENTITY, 96);
+    const mean = [0, 0, 0];
+    toLight.forEach((value, i) => {
+      mean[i % 3]! += value / 96;
+    });
+    expect(Math.hypot(mean[0]!, mean[2]!)).toBeLessThan(0.06);
+    expect(mean[1]).toBeCloseTo(2 / 3, 1); // of a cosine-weighted sky
+    for (let i = 1; i < toLight.length; i += 3) expect(toLight[i]).toBeGreaterThan(0);
+  });
+
+  it("sends most rays to a strong lamp, turned with the camera", () => {
+    const light = lamp([0.6, 0.8, 0], [5000, 5000, 5000]);
+    const turn = worldFromCamera(Math.PI / 2, 0); // what was on the right is ahead
+    const { toLight } = floorRays(light, turn, 64);
+    let near = 0;
+    for (let i = 0; i < 64; i++) {
+      near += Number(-0.6 * toLight[3 * i + 2]! + 0.8 * toLight[3 * i + 1]! > 0.95);
+    }
+    expect(near).toBeGreaterThan(48);
+  });
+});

@@ -1,0 +1,112 @@
+/** The user's own object: a .glb file, read here and nowhere else. */
+import {
+  Box3,
+  Group,
+  LoadingManager,
+  type Material,
+  Mesh,
+  type Object3D,
+  type Texture,
+  Vector3,
+} from "three";
+import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import type { Lighting } from "../light/lighting.ts";
+import type { Matrix3x3 } from "../light/matrix.ts";
+import { Failure } from "../page/failure.ts";
+import type { Exhibit } from "./exhibit.ts";
+import { FloorShadow } from "./floor-shadow.ts";
+import { environmentMaterial, MATERIALS, type MaterialName } from "./material.ts";
+
+const MOST_BYTES = 100e6;
+const MOST_TRIANGLES = 2e6;
+
+export class OwnObject implements Exhibit {
+  readonly object = new Group();
+  readonly materials = MATERIALS;
+  readonly wantsEnvironment = true;
+  material: MaterialName = "file";
+  private readonly shadow: FloorShadow;
+  /** Each part with the material that it came with. */
+  private readonly parts = new Map<Mesh, Material | Material[]>();
+
+  private constructor(model: Object3D, triangles: number) {
+    standing(model);
+    for (const mesh of meshesOf(model)) this.parts.set(mesh, mesh.material);
+    this.shadow = new FloorShadow(model, triangles);
+    this.object.add(model, this.shadow.mesh);
+  }
+
+  /** @throws Failure `glb-too-large` or `glb-broken`. */
+  static async open(file: Blob): Promise<OwnObject> {
+    if (file.size > MOST_BYTES) throw new Failure("glb-too-large");
+    const model = await parsed(await file.arrayBuffer());
+    const triangles = meshesOf(model).reduce((sum, { geometry }) => {
+      const corners = geometry.index?.count ?? geometry.attributes.position?.count ?? 0;
+      return sum + corners / 3;
+    }, 0);
+    if (triangles < 1) throw new Failure("glb-broken", "no triangles");
+    if (triangles > MOST_TRIANGLES) throw new Failure("glb-too-large");
+    return new OwnObject(model, triangles);
+  }
+
+  setMaterial(name: MaterialName): void {
+    this.material = name;
+    const one = name === "file" ? null : environmentMaterial(name);
+    for (const [mesh, own] of this.parts) mesh.material = one ?? own;
+  }
+
+  setLight(lighting: Lighting, objectFromCamera: Matrix3x3): void {
+    this.shadow.setLight(lighting, objectFromCamera);
+  }
+
+  dispose(): void {
+    this.shadow.dispose();
+    for (const [mesh, own] of this.parts) {
+      mesh.geometry.dispose();
+      for (const material of [own].flat()) forget(material);
+    }
+  }
+}
+
+async function parsed(file: ArrayBuffer): Promise<Object3D> {
+  const manager = new LoadingManager();
+  manager.setURLModifier((url) => {
+    // Nothing is ever fetched from elsewhere: what the file does not hold is missing.
+    if (/^(blob|data):/.test(url)) return url;
+    throw new Failure("glb-broken", `the file refers to ${url}`);
+  });
+  try {
+    const { scene } = await new GLTFLoader(manager).parseAsync(file, "");
+    return scene;
+  } catch (error) {
+    if (error instanceof Failure) throw error;
+    throw new Failure("glb-broken", String(error));
+  }
+}
+
+/** Puts the model on y = 0 around the origin, its longest side 1. */
+function standing(model: Object3D): void {
+  model.updateMatrixWorld(true);
+  const bounds = new Box3().setFromObject(model, true);
+  const size = bounds.getSize(new Vector3());
+  const longest = Math.max(size.x, size.y, size.z);
+  if (!(longest > 0 && Number.isFinite(longest))) throw new Failure("glb-broken", "no extent");
+  const middle = bounds.getCenter(new Vector3());
+  model.scale.multiplyScalar(1 / longest);
+  model.position.sub(new Vector3(middle.x, bounds.min.y, middle.z)).multiplyScalar(1 / longest);
+}
+
+function meshesOf(model: Object3D): Mesh[] {
+  const found: Mesh[] = [];
+  model.traverse((part) => {
+    if (part instanceof Mesh) found.push(part);
+  });
+  return found;
+}
+
+function forget(material: Material): void {
+  for (const value of Object.values(material)) {
+    if ((value as Texture | null)?.isTexture) (value as Texture).dispose();
+  }
+  material.dispose();
+}

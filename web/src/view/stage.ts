@@ -1,0 +1,202 @@
+/** The view: the camera's picture, and in it an object with its shadow, drawn when something changed. */
+import { Group, PerspectiveCamera, Scene, WebGLRenderer } from "three";
+import type { Picture } from "../camera/picture.ts";
+import { ASSUMED_LONG_SIDE_FOV_RAD } from "../contract/generated.ts";
+import type { Lighting } from "../light/lighting.ts";
+import { IDENTITY, type Matrix3x3, product } from "../light/matrix.ts";
+import { Failure } from "../page/failure.ts";
+import { rotation } from "../sensors/pose.ts";
+import { Backdrop } from "./backdrop.ts";
+import { Environment } from "./environment.ts";
+import type { Exhibit } from "./exhibit.ts";
+import { type Fit, fitOn, focalLength, type Size, verticalFov } from "./fit.ts";
+import { groundPoint, type Viewpoint } from "./ground.ts";
+import { useCameraResponse } from "./response.ts";
+
+/** Sharper than this no eye sees, and old phones would slow down. */
+const MOST_PIXEL_RATIO = 2;
+const LONGEST_SNAPSHOT = 4096;
+const PATIENCE_MS = 3000;
+
+interface LightInWorld {
+  readonly lighting: Lighting;
+  readonly worldFromCamera: Matrix3x3;
+}
+
+export class Stage {
+  /** The camera, in metres above the plane y = 0. */
+  heightM = 1.4;
+  longSideFovRad: number = ASSUMED_LONG_SIDE_FOV_RAD;
+  readonly anchor = new Group();
+  /** Called when the graphics are gone and do not come back by themselves. */
+  onLost: () => void = () => {};
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly camera = new PerspectiveCamera(60, 1, 0.01, 100);
+  private readonly backdrop = new Backdrop();
+  private readonly environment: Environment;
+  private worldFromCamera: Matrix3x3 = IDENTITY;
+  private picture: Picture | null = null;
+  private exhibit: Exhibit | null = null;
+  private light: LightInWorld | null = null;
+  private environmentIsOld = true;
+  private scheduled = false;
+
+  /** @throws Failure `no-webgl`. */
+  constructor(readonly canvas: HTMLCanvasElement) {
+    try {
+      this.renderer = new WebGLRenderer({ canvas, antialias: true });
+    } catch (error) {
+      throw new Failure("no-webgl", String(error));
+    }
+    useCameraResponse(this.renderer);
+    this.environment = new Environment(this.renderer);
+    this.camera.rotation.order = "YXZ";
+    this.scene.add(this.backdrop.mesh, this.anchor);
+    canvas.addEventListener("webglcontextlost", () => {
+      setTimeout(() => this.renderer.getContext().isContextLost() && this.onLost(), PATIENCE_MS);
+    });
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.environmentIsOld = true;
+      this.invalidate();
+    });
+  }
+
+  show(picture: Picture): void {
+    this.picture = picture;
+    this.backdrop.show(picture.source);
+    this.layOut();
+  }
+
+  clear(): void {
+    this.picture = null;
+    this.light = null;
+    this.backdrop.hide();
+    this.invalidate();
+  }
+
+  /** Takes the place of what stood there; the caller disposes of that. */
+  exhibitNow(exhibit: Exhibit): void {
+    if (this.exhibit) this.anchor.remove(this.exhibit.object);
+    this.exhibit = exhibit;
+    this.anchor.add(exhibit.object);
+    this.relight();
+  }
+
+  /** To be called when screen, picture or field of view have changed. */
+  layOut(): void {
+    const fit = this.fit();
+    if (!fit) return;
+    const { style } = this.canvas;
+    style.left = `${fit.left}px`;
+    style.top = `${fit.top}px`;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, MOST_PIXEL_RATIO));
+    this.renderer.setSize(fit.width, fit.height);
+    this.aim(fit);
+    this.invalidate();
+  }
+
+  setPose(worldFromCamera: Matrix3x3): void {
+    this.worldFromCamera = worldFromCamera;
+    this.invalidate();
+  }
+
+  /** New light, in the frame of a camera held like `worldFromCamera`. */
+  setLight(lighting: Lighting, worldFromCamera: Matrix3x3): void {
+    this.light = { lighting, worldFromCamera };
+    this.environmentIsOld = true;
+    this.relight();
+  }
+
+  /** To be called when the object was turned, moved or changed its material. */
+  relight(): void {
+    if (this.light && this.exhibit) {
+      const objectFromWorld = rotation("y", -this.anchor.rotation.y);
+      const objectFromCamera = product(objectFromWorld, this.light.worldFromCamera);
+      this.exhibit.setLight(this.light.lighting, objectFromCamera);
+    }
+    this.invalidate();
+  }
+
+  get viewpoint(): Viewpoint {
+    const { worldFromCamera, heightM, camera } = this;
+    const verticalFovRad = (camera.fov * Math.PI) / 180;
+    return { worldFromCamera, heightM, verticalFovRad, aspect: camera.aspect };
+  }
+
+  /** Where the object's foot is seen, in shares of the view's width and height. */
+  place(): readonly [number, number] {
+    this.holdCamera();
+    this.camera.updateMatrixWorld();
+    const seen = this.anchor.position.clone().project(this.camera);
+    return [(seen.x + 1) / 2, (1 - seen.y) / 2];
+  }
+
+  standAt(x: number, y: number): void {
+    this.anchor.position.set(...groundPoint(this.viewpoint, x, y));
+    this.invalidate();
+  }
+
+  /** Draws in the next frame, once, however often it is called. */
+  invalidate(): void {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame(() => {
+      this.scheduled = false;
+      if (this.picture) this.draw();
+    });
+  }
+
+  /** The whole picture with the object in it, at the picture's own size. */
+  snapshot(): HTMLCanvasElement {
+    const picture = this.picture;
+    if (!picture) throw new Failure("cannot-save", "nothing is shown");
+    const scale = Math.min(1, LONGEST_SNAPSHOT / Math.max(picture.width, picture.height));
+    const [width, height] = [picture.width * scale, picture.height * scale].map(Math.round);
+    const copy = document.createElement("canvas");
+    copy.width = width!;
+    copy.height = height!;
+    this.renderer.setPixelRatio(1);
+    this.renderer.setSize(copy.width, copy.height, false);
+    this.aim(fitOn(copy, picture, this.focalPx(picture)));
+    this.draw();
+    copy.getContext("2d")?.drawImage(this.canvas, 0, 0);
+    this.layOut();
+    return copy;
+  }
+
+  private draw(): void {
+    if (this.light && this.exhibit?.wantsEnvironment && this.environmentIsOld) {
+      this.environment.light(this.scene, this.light.lighting, this.light.worldFromCamera);
+      this.environmentIsOld = false;
+    }
+    this.anchor.visible = this.light !== null;
+    this.holdCamera();
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  private holdCamera(): void {
+    const [a, b, c, d, e, f, g, h, i] = this.worldFromCamera;
+    this.camera.matrix.set(a, b, c, 0, d, e, f, this.heightM, g, h, i, 0, 0, 0, 0, 1);
+    this.camera.matrix.decompose(this.camera.position, this.camera.quaternion, this.camera.scale);
+  }
+
+  private fit(): Fit | null {
+    const { picture } = this;
+    if (!picture?.width) return null;
+    const screen: Size = { width: innerWidth, height: innerHeight };
+    return fitOn(screen, picture, this.focalPx(picture));
+  }
+
+  private focalPx(picture: Picture): number {
+    const fov = picture.verticalFovRad ?? verticalFov(picture, this.longSideFovRad);
+    return focalLength(picture.height, fov);
+  }
+
+  private aim(fit: Fit): void {
+    this.backdrop.crop(fit.share);
+    this.camera.fov = (fit.verticalFovRad * 180) / Math.PI;
+    this.camera.aspect = fit.width / fit.height;
+    this.camera.updateProjectionMatrix();
+  }
+}
