@@ -47,7 +47,7 @@ lint: $(VENV)/.installed-test
 ci: lint web-ci test
 
 web-ci:
-	@if node -e 'process.exit(process.versions.node.split(".")[0] < 20)' 2>/dev/null; \
+	@if command -v npm >/dev/null && node -e 'process.exit(process.versions.node.split(".")[0] < 20 ? 1 : 0)'; \
 		then $(MAKE) web-test web; \
 		else echo "skipped: the live page's tests and build need node 20 or newer"; fi
 
