@@ -12,11 +12,20 @@ from deeplight import latlong
 from deeplight.camera import PinholeCamera
 from deeplight.frames import normalised, turned
 from deeplight.render import materials
-from deeplight.render.compose import Item, Settings, compose, plane_albedo
+from deeplight.render.compose import Item, Settings, compose
 from deeplight.render.composite import RESPONSE, composite
 from deeplight.render.ground import Viewpoint
 from deeplight.render.mesh import load, standing
-from deeplight.render.scene import Scene, Solid, Window, irradiance_on_plane, mitsuba_scene, sensor
+from deeplight.render.scene import (
+    Scene,
+    Solid,
+    Texture,
+    Window,
+    irradiance_on_plane,
+    mitsuba_scene,
+    sensor,
+)
+from deeplight.render.surface import surface_of
 from deeplight.render.trace import MOST_BOUNCES, Layers, Quality, trace
 
 pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
@@ -219,12 +228,37 @@ def test_the_planes_albedo_is_the_photos_pixels_over_the_light() -> None:
     light = (light * (0.3 / radiance.max())).astype(np.float32)
     radiance = (radiance * (0.3 / radiance.max())).astype(np.float32)
     photo = np.tile(np.round(RESPONSE.pixel_from_radiance(radiance) * 255), (48, 64, 1))
-    albedo, _ = plane_albedo(photo.astype(np.uint8), light, VIEW, [solid()])
-    assert albedo == pytest.approx([0.2, 0.1, 0.05], rel=0.06)
-    limited, measured = plane_albedo(photo.astype(np.uint8), light / 20, VIEW, [solid()])
-    assert measured == pytest.approx([4, 2, 1], rel=0.06)
-    assert (limited == 0.9).all()
+    surface = surface_of(photo.astype(np.uint8), light, VIEW, [solid()])
+    assert surface.albedo == pytest.approx([0.2, 0.1, 0.05], rel=0.06)
+    dim = surface_of(photo.astype(np.uint8), light / 20, VIEW, [solid()])
+    assert dim.measured == pytest.approx([4, 2, 1], rel=0.06)
+    assert (dim.albedo == 0.9).all()
 
 
 def test_white_light_falls_on_the_plane_as_pi() -> None:
     assert irradiance_on_plane(WHITE, VIEW) == pytest.approx(np.pi, rel=2e-3)
+
+
+def test_a_mirror_on_a_patterned_floor_is_the_mirror_inside_the_scene() -> None:
+    """The floor it reflects is the photo's; the twin, a floor of one colour, is far off."""
+    steps = np.linspace(-1, 1, 64)
+    red, blue = (np.where(steps * sign > 0, 0.7, 0.1) for sign in (-1, 1))
+    pattern = np.zeros((64, 64, 3), np.float32)
+    pattern[..., 0], pattern[..., 2] = red, blue  # red on the left
+    pattern[..., 1] = np.where(np.sin(9 * steps) > 0, 0.6, 0.1)[:, None]  # rows across
+    item, light = Item("sphere", "mirror", (32, 26), 0.35), WHITE * 0.5
+    centre = (0.0, float(VIEW.point(32, 26)[2]))
+    bare = Scene(VIEW, light, [], np.full(3, 0.4), Texture(centre, 2.0, pattern))
+    photo = np.round(encoded(inside_the_scene(bare, 64)) * 255).astype(np.uint8)
+    errors = []
+    for texture in (True, False):
+        settings = Settings(TINY, "scalar", texture=texture, blur=False, grain=False)
+        found = compose(photo, light, VIEW, [item], settings)
+        true = inside_the_scene(replace(found.scene, texture=bare.texture), 64)
+        left, top, right, bottom = found.composite.layers.crop
+        inner = found.composite.layers.cover > 0.99
+        inner[: int(np.argwhere(inner)[:, 0].mean())] = False  # the upper half shows the sky
+        difference = found.composite.pixels / 255 - encoded(true)
+        errors.append(np.abs(difference[top:bottom, left:right][inner]).mean())
+    assert errors[0] < 0.03
+    assert errors[1] > 3 * errors[0]

@@ -33,7 +33,7 @@ class Args:
     up: Literal["y", "z"] = "y"
     """The axis that points up in mesh files."""
     light: Path | None = None
-    """Use this light (.json of deeplight, or an .exr or .hdr panorama) instead of estimating it."""
+    """Use this light (.json of deeplight, or an .exr or .hdr panorama), not the estimate."""
     stops: float = 0.0
     """Make the light brighter by so many stops."""
     camera_height: float = 1.4
@@ -46,6 +46,8 @@ class Args:
     """Vertical field of view in degrees. Default: from EXIF, else 66 along the long side."""
     below: Literal["surface", "estimate"] = "surface"
     """What lights objects from below: the surface they stand on, or the estimated light."""
+    surface: Literal["photo", "plain"] = "photo"
+    """What objects see of that surface: the photo's own pixels, or their mean colour."""
     quality: Literal["preview", "final"] = "preview"
     """How many rays: seconds, or minutes."""
     layers: Path | None = None

@@ -100,7 +100,8 @@ def items_of(args: Args) -> list[Item]:
 def settings_of(args: Args) -> Settings:
     """Give the rendering's settings."""
     quality = FINAL if args.quality == "final" else PREVIEW
-    return Settings(quality, args.engine, light_from_below=args.below == "estimate")
+    below, texture = args.below == "estimate", args.surface == "photo"
+    return Settings(quality, args.engine, light_from_below=below, texture=texture)
 
 
 def viewpoint_of(args: Args, photo: Photo, framing: Framing) -> tuple[Viewpoint, list[str]]:

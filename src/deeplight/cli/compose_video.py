@@ -16,7 +16,7 @@ from deeplight.io.image import Photo
 from deeplight.io.video import Still, facts, stills
 from deeplight.io.video_writer import VideoWriter
 from deeplight.lighting import Lighting
-from deeplight.render.compose import Item, Settings, matched, placed, plane_albedo, rendered
+from deeplight.render.compose import Item, Settings, matched, placed, rendered, scene_of
 from deeplight.render.follow import Follower, smoothed, turned_to
 from deeplight.render.ground import Viewpoint
 from deeplight.render.light import environment
@@ -77,7 +77,7 @@ def _begin(args: Args, first: Still, items: Sequence[Item], settings: Settings) 
     fixed = None if args.light is None else gained(args, environment(args.light))
     light = gained(args, estimate.lighting.latlong()) if fixed is None else fixed
     solids, notes = placed(viewpoint, items, estimate.framing.bottom)
-    albedo, _ = plane_albedo(photo.pixels, light, viewpoint, solids)
+    scene, limited = scene_of(photo.pixels, light, viewpoint, solids, settings)
     low, high = solids[0].vertices.min(0), solids[0].vertices.max(0)
     anchor = (low + high) / 2 * [1, 0, 1]
     x, y = viewpoint.pixels(anchor[None])[0]
@@ -87,11 +87,11 @@ def _begin(args: Args, first: Still, items: Sequence[Item], settings: Settings) 
         estimator,
         fixed,
         estimate.lighting,
-        Scene(viewpoint, light, solids, albedo),
+        scene,
         matched(photo.pixels, settings),
         Follower(first.luma.astype(np.float32), float(x), float(y)),
         anchor,
-        (*estimate.notes, *assumed, *notes),
+        (*estimate.notes, *assumed, *notes, *limited),
     )
 
 

@@ -26,11 +26,11 @@ def first_bytes(path: Path, count: int = 16) -> bytes:
     """
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # opening a pipe would wait for ever
-        raise ImageFileError("an image file", f"{path}, a device or pipe", "give a regular file")
+        raise ImageFileError("a regular file", f"{path}, a device or pipe", "copy it into one")
     with path.open("rb") as file:
         start = file.read(count)
     if not start:
-        raise ImageFileError("an image file", f"{path}, 0 bytes long", "copy or download it again")
+        raise ImageFileError("a whole file", f"{path}, 0 bytes long", "copy or download it again")
     return start
 
 

@@ -8,18 +8,17 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from deeplight.errors import ConfigError
-from deeplight.render.composite import Composite, composite, radiance_of
+from deeplight.render.composite import Composite, composite
 from deeplight.render.ground import Viewpoint
 from deeplight.render.look import NO_LOOK, Look, look_of
 from deeplight.render.materials import MATERIALS
 from deeplight.render.mesh import BUILT_IN, load, standing
-from deeplight.render.scene import Colour, Scene, Solid, irradiance_on_plane
+from deeplight.render.scene import Scene, Solid
+from deeplight.render.surface import ALBEDO_LIMITS, surface_of, texture_of
 from deeplight.render.trace import PREVIEW, Progress, Quality, trace
 
 SPAN = 0.30  # an object's default size: this part of the photo's shorter side
-ALBEDO_LIMITS = (0.03, 0.90)  # from fresh asphalt to fresh snow
 DEFAULT_ROW = 0.80  # where an object stands, from the top of what the network saw
-_PATCH = 0.8  # radius of the surface looked at for its albedo, in sizes of the object
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,7 @@ class Settings:
         quality: rays.
         engine: see `engine.mitsuba`.
         light_from_below: keep the light's lower directions instead of the plane under the object.
+        texture: let objects see the photo's own pixels on the plane, not one colour.
         blur, grain: give the objects the photo's.
         seed: of all random numbers.
     """
@@ -70,6 +70,7 @@ class Settings:
     quality: Quality = PREVIEW
     engine: str = "auto"
     light_from_below: bool = False
+    texture: bool = True
     blur: bool = True
     grain: bool = True
     seed: int = 0
@@ -113,12 +114,8 @@ def compose(
         got = f"{len(items)} objects, a camera of {viewpoint.camera.width} pixels across"
         raise ConfigError(f"an object and a camera of {width} x {height}", got, "correct them")
     solids, notes = placed(viewpoint, items, kept_rows)
-    albedo, measured = plane_albedo(photo, light, viewpoint, solids)
-    if not np.allclose(albedo, measured, rtol=0.02):
-        share = ", ".join(f"{100 * a:.0f}" for a in measured)
-        limits = f"{100 * ALBEDO_LIMITS[0]:.0f} to {100 * ALBEDO_LIMITS[1]:.0f} %"
-        notes.append(f"the surface would reflect {share} % of the light; limited to {limits}")
-    scene = Scene(viewpoint, light, solids, albedo)
+    scene, told = scene_of(photo, light, viewpoint, solids, settings)
+    notes += told
     picture = rendered(photo, scene, matched(photo, settings), settings, progress)
     return Composed(picture, scene, tuple(notes))
 
@@ -146,6 +143,24 @@ def placed(
     return solids, notes
 
 
+def scene_of(
+    photo: UInt8[np.ndarray, "height width 3"],
+    light: Float[np.ndarray, "rows columns 3"],
+    viewpoint: Viewpoint,
+    solids: Sequence[Solid],
+    settings: Settings,
+) -> tuple[Scene, list[str]]:
+    """The objects on the photo's own surface; also tell where its albedo had to be limited."""
+    surface = surface_of(photo, light, viewpoint, solids)
+    notes = []
+    if not np.allclose(surface.albedo, surface.measured, rtol=0.02):
+        share = ", ".join(f"{100 * a:.0f}" for a in surface.measured)
+        limits = f"{100 * ALBEDO_LIMITS[0]:.0f} to {100 * ALBEDO_LIMITS[1]:.0f} %"
+        notes.append(f"the surface would reflect {share} % of the light; limited to {limits}")
+    texture = texture_of(photo, viewpoint, solids, surface) if settings.texture else None
+    return Scene(viewpoint, light, solids, surface.albedo, texture), notes
+
+
 def matched(photo: UInt8[np.ndarray, "height width 3"], settings: Settings) -> Look:
     """Measure the part of the photo's look that the settings ask for."""
     if not (settings.blur or settings.grain):
@@ -168,40 +183,6 @@ def rendered(
     below, seed = settings.light_from_below, settings.seed
     layers = trace(scene, settings.quality, settings.engine, below, seed, progress)
     return composite(photo, layers, look, seed=seed)
-
-
-def plane_albedo(
-    photo: UInt8[np.ndarray, "height width 3"],
-    light: Float[np.ndarray, "rows columns 3"],
-    viewpoint: Viewpoint,
-    solids: Sequence[Solid],
-) -> tuple[Colour, Colour]:
-    """Albedo of the surface the objects stand on, limited; and as measured.
-
-    The median of the photo's own pixels around where they stand, over the light that falls there:
-    albedo = pi x radiance / irradiance.
-    """
-    around = np.concatenate([_footprint(solid) for solid in solids])
-    pixels = np.floor(viewpoint.pixels(around))
-    height, width, _ = photo.shape
-    seen = (pixels >= 0).all(1) & (pixels < [width, height]).all(1)  # false for nan
-    columns, rows = pixels[seen].astype(int).T
-    patch = photo[rows, columns][None] if len(rows) else photo[-1:, :]
-    radiance = np.median(radiance_of(patch)[0], axis=0)
-    irradiance = np.maximum(irradiance_on_plane(light, viewpoint), 1e-9)
-    measured = np.pi * radiance / irradiance
-    return np.clip(measured, *ALBEDO_LIMITS), measured
-
-
-def _footprint(solid: Solid) -> Float[np.ndarray, "n 3"]:
-    """Points of the plane around and below one object, evenly spread over a disc."""
-    low, high = solid.vertices.min(0), solid.vertices.max(0)
-    number = np.arange(600)
-    radius = _PATCH * float((high - low).max()) * np.sqrt((number + 0.5) / 600)
-    angle = number * np.pi * (3 - np.sqrt(5))
-    disc = np.stack([radius * np.cos(angle), np.zeros(600), radius * np.sin(angle)], -1)
-    centre: np.ndarray = (low + high) / 2 * [1, 0, 1]
-    return centre + disc
 
 
 def _default_size(viewpoint: Viewpoint, point: Float[np.ndarray, "3"]) -> float:

@@ -7,8 +7,8 @@ its surface turns or its colour does: so both may borrow rays from pixels near b
 import numpy as np
 from jaxtyping import Float
 
-ENOUGH_PASSES = 16
-"""From so many passes on a pixel of the fine grid's own rays do."""
+ENOUGH_SAMPLES = 64
+"""With more than so many rays a pixel's own do."""
 
 _REACH = 2
 _ALIKE = 0.004  # squared difference of normals and albedos at which a neighbour counts 1 / e

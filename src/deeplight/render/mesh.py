@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 MAX_BYTES = 500_000_000
 MAX_TRIANGLES = 5_000_000
 MAX_TEXTURE_PX = 8192
+KEPT_TEXTURE_PX = 4096  # larger ones are reduced: Mitsuba keeps 12 bytes for each texel
 
 Texture = UInt8[np.ndarray, "height width channels"]
 
@@ -84,6 +86,13 @@ def load(name: str, up: str = "y") -> tuple[Mesh, ...]:
     if path.stat().st_size > MAX_BYTES:
         got = f"{path} of {path.stat().st_size / 1e6:.0f} MB"
         raise ImageFileError(f"a mesh of at most {MAX_BYTES / 1e6:.0f} MB", got, "simplify it")
+    status = path.stat()
+    return _read(path, up, (status.st_mtime_ns, status.st_size))
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, up: str, _version: tuple[int, int]) -> tuple[Mesh, ...]:
+    """Read a file once for as long as it stays as it is."""
     meshes = tuple(_checked(mesh, path) for mesh in _opened(path))
     triangles = sum(len(mesh.faces) for mesh in meshes)
     if not 0 < triangles <= MAX_TRIANGLES:
@@ -131,8 +140,10 @@ def _opened(path: Path) -> list[Mesh]:
             scene = trimesh.load_scene(str(path), process=False)
             pieces = scene.dump(concatenate=False)
             return [_mesh(piece) for piece in pieces if isinstance(piece, trimesh.Trimesh)]
-    except (ImageFileError, MemoryError):
+    except MemoryError:
         raise
+    except ImageFileError as error:
+        raise ImageFileError(error.expected, f"{path} with {error.got}", error.do) from error
     except Exception as error:  # trimesh lets its parsers' own errors through
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         got = f"{path}, which cannot be read ({reason})"
@@ -193,8 +204,8 @@ def _texture(picture: Any) -> UInt8[np.ndarray, "height width 3"]:
     if max(picture.size) > MAX_TEXTURE_PX:
         got = f"one of {picture.size[0]} x {picture.size[1]}"
         expected = f"textures of at most {MAX_TEXTURE_PX} pixels a side"
-        raise ImageFileError(expected, got, "make the object's textures smaller")
-    return np.asarray(picture.convert("RGB"))
+        raise ImageFileError(expected, got, "make them smaller")
+    return np.asarray(picture.convert("RGB").reduce(-(-max(picture.size) // KEPT_TEXTURE_PX)))
 
 
 def _checked(mesh: Mesh, path: Path) -> Mesh:

@@ -36,6 +36,21 @@ class Solid:
 
 
 @dataclass(frozen=True, eq=False)
+class Texture:
+    """Albedo of a square of the plane; beyond it the plane goes on as its rim is.
+
+    Attributes:
+        centre: x and z of the square's middle.
+        half_side_m: half of its side, along X and Z.
+        albedo: linear; the first row is the nearest to the camera, the first column at -X.
+    """
+
+    centre: tuple[float, float]
+    half_side_m: float
+    albedo: Float[np.ndarray, "rows columns 3"]
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """What is rendered.
 
@@ -44,12 +59,14 @@ class Scene:
         light: latlong radiance in the camera frame, relative to the camera's white.
         solids: the objects.
         albedo: of the plane, linear.
+        texture: albedo of the plane around the objects, if it is not everywhere alike.
     """
 
     viewpoint: Viewpoint
     light: Float[np.ndarray, "height width 3"]
     solids: Sequence[Solid]
     albedo: Colour
+    texture: Texture | None = None
 
     @property
     def box(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
@@ -99,23 +116,37 @@ def mitsuba_scene(mi: Any, scene: Scene, plane: bool = True, solids: bool = True
         "type": "scene",
         "light": {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(turn)},
     }
-    low, high = scene.box if scene.solids else (np.zeros(3), np.ones(3))
     if plane:
-        lift = mi.ScalarTransform4f().translate(
-            [*((low + high) / 2)[[0]], 0, ((low + high) / 2)[2]]
-        )
-        radius = PLANE_SIZES * float(np.linalg.norm(high - low))
-        albedo = {"type": "rgb", "value": scene.albedo.tolist()}
-        parts["plane"] = {
-            "type": "disk",
-            "to_world": lift.rotate([1, 0, 0], -90).scale(radius),
-            "bsdf": {"type": "diffuse", "reflectance": albedo},
-        }
+        parts["plane"] = _plane(mi, scene)
     if solids:
         for i, solid in enumerate(scene.solids):
             for j, mesh in enumerate(solid.meshes):
                 parts[f"solid_{i}_{j}"] = _mitsuba_mesh(mi, mesh, solid.material)
     return mi.load_dict(parts)
+
+
+def _plane(mi: Any, scene: Scene) -> dict[str, Any]:
+    """A square, so large that its end does not show."""
+    low, high = scene.box if scene.solids else (np.zeros(3), np.ones(3))
+    centre = ((low + high) / 2)[[0, 2]] if scene.texture is None else scene.texture.centre
+    reach = PLANE_SIZES * float(np.linalg.norm(high - low))
+    lift = mi.ScalarTransform4f().translate([float(centre[0]), 0, float(centre[1])])
+    reflectance: dict[str, Any] = {"type": "rgb", "value": scene.albedo.tolist()}
+    if scene.texture is not None:
+        about_middle = mi.ScalarTransform3f().translate([0.5, 0.5])
+        about_middle = about_middle.scale(reach / scene.texture.half_side_m)
+        reflectance = {
+            "type": "bitmap",
+            "bitmap": mi.Bitmap(np.ascontiguousarray(scene.texture.albedo, np.float32)),
+            "raw": True,
+            "wrap_mode": "clamp",
+            "to_uv": about_middle.translate([-0.5, -0.5]),
+        }
+    return {
+        "type": "rectangle",
+        "to_world": lift.rotate([1, 0, 0], -90).scale(reach),
+        "bsdf": {"type": "diffuse", "reflectance": reflectance},
+    }
 
 
 def sensor(mi: Any, viewpoint: Viewpoint, window: Window) -> Any:

@@ -10,14 +10,15 @@ is coarser, which is where the time would go.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from deeplight.errors import ConfigError
-from deeplight.render.denoise import ENOUGH_PASSES, denoised, smooth_sums
+from deeplight.render.denoise import ENOUGH_SAMPLES, denoised, smooth_sums
 from deeplight.render.engine import mitsuba
 from deeplight.render.scene import (
     MOST_BOUNCES,
@@ -30,9 +31,9 @@ from deeplight.render.scene import (
     sensor,
 )
 
-FINE = 2  # grid pixels along a photo's pixel, around the objects
 PLANE = "plane"
 AOVS = "shape:shape_index,albedo:albedo,normal:sh_normal"
+AT_ONCE = 1_000_000  # rays: the LLVM variant keeps the whole state of each
 BORDER = 0.12  # part of a grid over which its shadow gives way to the next
 Progress = Callable[[int, int], None]
 
@@ -46,27 +47,30 @@ class Quality:
         shadow_samples: rays through each pixel of the coarse grid.
         shadow_pixels: of the coarse grid, at most.
         most_rays: around the objects in all; large objects get fewer `samples`. None is no limit.
+        fine: grid pixels along a photo's pixel, around the objects. More mean fewer passes, which
+            the LLVM variant likes: it pays for each pass, not for each ray.
     """
 
     samples: int
     shadow_samples: int
     shadow_pixels: int
     most_rays: int | None = None
+    fine: int = 2
 
     def __post_init__(self) -> None:
-        if min(self.samples, self.shadow_samples, self.shadow_pixels) < 1:
+        if min(self.samples, self.shadow_samples, self.shadow_pixels, self.fine) < 1:
             raise ConfigError("at least one sample", f"{self}", "give more --samples")
 
     def passes(self, fine: Window) -> int:
         """How often to trace a ray through every pixel of the fine grid."""
-        wanted = -(-self.samples // FINE**2)
+        wanted = -(-self.samples // self.fine**2)
         if self.most_rays is None:
             return wanted
         return max(1, min(wanted, self.most_rays // (fine.width * fine.height)))
 
 
 PREVIEW = Quality(samples=64, shadow_samples=48, shadow_pixels=4_000, most_rays=600_000)
-FINAL = Quality(samples=512, shadow_samples=256, shadow_pixels=60_000)
+FINAL = Quality(samples=512, shadow_samples=256, shadow_pixels=60_000, fine=4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,20 +119,20 @@ def trace(
     wide = _around(affected(scene), near)
     area = (wide[2] - wide[0]) * (wide[3] - wide[1])
     coarse = Window.over(wide, max(1.0, float(np.ceil(np.sqrt(area / quality.shadow_pixels)))))
-    fine = Window.over(near, 1 / FINE)
-    passes = quality.passes(fine)
+    fine = Window.over(near, 1 / quality.fine)
+    passes, parts = quality.passes(fine), quality.fine
     work = [fine.width * fine.height * passes]
     work.append(coarse.width * coarse.height * quality.shadow_samples)
-    around = tracer.run(fine, passes, lambda done: progress(done, sum(work)))
+    around = tracer.run(fine, passes, lambda done: progress(done, sum(work)), parts)
     soft = tracer.run(
-        coarse, quality.shadow_samples, lambda done: progress(work[0] + done, sum(work)), False
+        coarse, quality.shadow_samples, lambda done: progress(work[0] + done, sum(work))
     )
-    return _joined(scene, wide, near, around, soft, coarse, ENOUGH_PASSES // passes)
+    return _joined(scene, wide, near, around, soft, coarse, ENOUGH_SAMPLES // (passes * parts**2))
 
 
 @dataclass(frozen=True, eq=False)
 class _Rays:
-    """Means over the rays of each pixel of a grid."""
+    """Means over the rays of each pixel."""
 
     radiance: Float[np.ndarray, "height width 3"]
     cover: Float[np.ndarray, "height width"]
@@ -148,15 +152,33 @@ class _Tracer:
         self._plane = 1 + [shape.id() for shape in self._full.shapes()].index(PLANE)
 
     def run(
-        self, window: Window, passes: int, done: Callable[[int], None], objects: bool = True
+        self, window: Window, passes: int, done: Callable[[int], None], parts: int = 0
     ) -> _Rays:
-        """Trace `passes` rays through every pixel of a window."""
+        """Trace `passes` rays through every pixel of a window, strip by strip for memory's sake.
+
+        With `parts` the objects are wanted too, and each `parts` x `parts` pixels become one.
+        """
+        step = max(parts, 1)
+        rows = max(AT_ONCE // window.width // step, 1) * step
+        strips = []
+        for top in range(0, window.height, rows):
+            height = min(rows, window.height - top)
+            strip = replace(window, top=window.top + top, height=height)
+            before = top * window.width * passes
+            sums = self._strip(strip, passes, partial(_after, done, before), parts > 0)
+            strips.append([_by_pixel(values / passes, step) for values in sums])
+        return _Rays(*(np.concatenate(values) for values in zip(*strips, strict=True)))
+
+    def _strip(
+        self, window: Window, passes: int, done: Callable[[int], None], objects: bool
+    ) -> tuple[np.ndarray, ...]:
+        """Sums over the rays, in the order of `_Rays`."""
         camera = sensor(self._mi, self._scene.viewpoint, window)
         size = (window.height, window.width)
         radiance, shadowed, unshadowed = np.zeros((3, *size, 3))
         cover, features = np.zeros(size), np.zeros((*size, 6))
         for number in range(passes):
-            seed = self._seed * 100_003 + number
+            seed = self._seed * 100_003 + number + window.top * 1_009
             full, shape, looks = self._render(self._full, camera, seed, MOST_BOUNCES)
             plane, solid = shape == self._plane, (shape != self._plane) & (shape > 0)
             shadowed += full * plane[..., None]
@@ -167,8 +189,7 @@ class _Tracer:
             cover += solid
             features += looks * solid[..., None]
             done(window.width * window.height * (number + 1))
-        sums = (radiance, cover, shadowed, unshadowed, features)
-        return _Rays(*(values / passes for values in sums))
+        return radiance, cover, shadowed, unshadowed, features
 
     def _render(
         self, scene: Any, camera: Any, seed: int, bounces: int
@@ -186,10 +207,15 @@ class _Tracer:
         return values[..., :3], np.round(values[..., 3]).astype(int), values[..., 4:]
 
 
+def _after(done: Callable[[int], None], before: int, rays: int) -> None:
+    """Tell of rays traced after others."""
+    done(before + rays)
+
+
 def _joined(
     scene: Scene, wide: Crop, near: Crop, around: _Rays, soft: _Rays, coarse: Window, rounds: int
 ) -> Layers:
-    """The fine grid where it is, the coarse one around it; `rounds` of smoothing."""
+    """The fine grid's where it is, the coarse one around it; `rounds` of smoothing."""
     height, width = wide[3] - wide[1], wide[2] - wide[0]
     radiance, cover = np.zeros((height, width, 3)), np.zeros((height, width))
     far = _enlarged(smooth_sums(np.concatenate([soft.shadowed, soft.open], -1), 1), coarse, wide)
@@ -197,11 +223,11 @@ def _joined(
     shadow = 1 + (shadow - 1) * _fading(wide, scene)[..., None]
     rows = slice(near[1] - wide[1], near[3] - wide[1])
     columns = slice(near[0] - wide[0], near[2] - wide[0])
-    objects, hidden = _by_pixel(around.radiance), _by_pixel(around.cover)
+    objects, hidden = around.radiance, around.cover
     if rounds:
-        objects = denoised(objects, hidden, _by_pixel(around.features))
+        objects = denoised(objects, hidden, around.features)
     radiance[rows, columns], cover[rows, columns] = objects, hidden
-    sums = _by_pixel(np.concatenate([around.shadowed, around.open], -1))
+    sums = np.concatenate([around.shadowed, around.open], -1)
     sums = smooth_sums(sums, min(rounds, 6))
     sharp, weight = _quotient(sums[..., :3], sums[..., 3:]), _fading(near, scene)[..., None]
     shadow[rows, columns] = sharp * weight + shadow[rows, columns] * (1 - weight)
@@ -220,11 +246,11 @@ def _quotient(above: np.ndarray, below: np.ndarray) -> np.ndarray:
     return result
 
 
-def _by_pixel(fine: np.ndarray) -> np.ndarray:
-    """Mean over the parts of each pixel."""
-    height, width = fine.shape[0] // FINE, fine.shape[1] // FINE
-    parts = fine.reshape(height, FINE, width, FINE, *fine.shape[2:])
-    result: np.ndarray = parts.mean(axis=(1, 3))
+def _by_pixel(fine: np.ndarray, parts: int) -> np.ndarray:
+    """Mean over the parts of each pixel, so many along each side."""
+    height, width = fine.shape[0] // parts, fine.shape[1] // parts
+    split = fine.reshape(height, parts, width, parts, *fine.shape[2:])
+    result: np.ndarray = split.mean(axis=(1, 3))
     return result
 
 
