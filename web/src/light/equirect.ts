@@ -38,61 +38,68 @@ export function rowSolidAngle(row: number, height: number): number {
 
 function enlarged(ball: Float32Array, size: number, height: number): Float32Array {
   const grid = gridOf(size, height);
-  const area = binned(grid, size, height, undefined);
+  const result = new Float32Array(3 * grid.pixel.length).fill(1);
+  const area = binned(result, grid, size);
   const wanted = spreadOverRim(ball, size);
   // Logarithms do not carry the sun into its neighbours, which would then need a dark halo.
   const darkest = Math.max(1e-6 * wanted.reduce((a, b) => Math.max(a, b), 0), 1e-30);
-  const result = new Float32Array(3 * grid.pixel.length);
-  interpolate(
+  multiplySmoothly(
+    result,
     wanted.map((value) => Math.log(Math.max(value, darkest))),
     grid,
-    (i, log) => {
-      result[i] = Math.exp(log);
-    },
   );
   for (const smooth of [true, true, true, false]) {
-    const power = binned(grid, size, height, result);
-    const factor = Float32Array.from(power, (held, i) =>
-      held > 0 ? (wanted[i]! * area[i]!) / held : 1,
-    );
+    const power = binned(result, grid, size);
+    const factor = wanted.map((value, i) => (power[i]! > 0 ? (value * area[i]!) / power[i]! : 1));
     if (smooth) {
       const log = factor.map((value) => Math.log(Math.min(Math.max(value, 0.05), 20)));
-      interpolate(log, grid, (i, value) => {
-        result[i]! *= Math.exp(value);
-      });
-    } else {
-      grid.pixel.forEach((pixel, i) => {
-        for (let c = 0; c < 3; c++) result[3 * i + c]! *= factor[3 * pixel + c]!;
-      });
-    }
+      multiplySmoothly(result, log, grid);
+    } else multiplyByPixel(result, factor, grid);
   }
   return result;
 }
 
-/** Power (or without `values` solid angle) that falls into each ball pixel, per channel. */
-function binned(grid: Grid, size: number, height: number, values?: Float32Array): Float64Array {
+/** Power that falls into each ball pixel, per channel. */
+function binned(values: Float32Array, { pixel, solidAngle }: Grid, size: number): Float64Array {
   const sums = new Float64Array(3 * size * size);
-  grid.pixel.forEach((pixel, i) => {
-    const solidAngle = grid.solidAngle[Math.floor(i / (2 * height))]!;
-    for (let c = 0; c < 3; c++) {
-      sums[3 * pixel + c]! += solidAngle * (values === undefined ? 1 : values[3 * i + c]!);
+  const width = pixel.length / solidAngle.length;
+  for (let row = 0, i = 0; row < solidAngle.length; row++) {
+    const weight = solidAngle[row]!;
+    for (const end = i + width; i < end; i++) {
+      const to = 3 * pixel[i]!;
+      sums[to]! += weight * values[3 * i]!;
+      sums[to + 1]! += weight * values[3 * i + 1]!;
+      sums[to + 2]! += weight * values[3 * i + 2]!;
     }
-  });
+  }
   return sums;
 }
 
-function interpolate(
-  values: Float32Array,
-  grid: Grid,
-  use: (index: number, value: number) => void,
-): void {
-  const { taps, weights } = grid;
-  for (let i = 0; i < grid.pixel.length; i++) {
-    for (let c = 0; c < 3; c++) {
-      let sum = 0;
-      for (let k = 4 * i; k < 4 * i + 4; k++) sum += values[3 * taps[k]! + c]! * weights[k]!;
-      use(3 * i + c, sum);
+/** Multiplies by a factor whose logarithm is interpolated between the ball's pixels. */
+function multiplySmoothly(values: Float32Array, log: Float32Array, { taps, weights }: Grid): void {
+  for (let i = 0; i < values.length / 3; i++) {
+    let red = 0;
+    let green = 0;
+    let blue = 0;
+    for (let k = 4 * i; k < 4 * i + 4; k++) {
+      const weight = weights[k]!;
+      const from = 3 * taps[k]!;
+      red += weight * log[from]!;
+      green += weight * log[from + 1]!;
+      blue += weight * log[from + 2]!;
     }
+    values[3 * i]! *= Math.exp(red);
+    values[3 * i + 1]! *= Math.exp(green);
+    values[3 * i + 2]! *= Math.exp(blue);
+  }
+}
+
+function multiplyByPixel(values: Float32Array, factor: Float32Array, { pixel }: Grid): void {
+  for (let i = 0; i < pixel.length; i++) {
+    const from = 3 * pixel[i]!;
+    values[3 * i]! *= factor[from]!;
+    values[3 * i + 1]! *= factor[from + 1]!;
+    values[3 * i + 2]! *= factor[from + 2]!;
   }
 }
 

@@ -2,4 +2,10 @@
 import { makeBasis, SPHERES } from "./spheres.ts";
 
 const made = SPHERES.map((name) => [name, makeBasis(name)] as const);
-self.postMessage(made, { transfer: made.map(([, weights]) => weights.buffer) });
+self.postMessage(made, {
+  transfer: made.flatMap(([, { start, light, weight }]) => [
+    start.buffer,
+    light.buffer,
+    weight.buffer,
+  ]),
+});

@@ -1,7 +1,6 @@
 /**
  * The rig's three spheres in any light: mirror, matte silver, diffuse, where the paper's rig holds
- * them (reflectance.analytic_basis). A basis holds, for each pixel of the crop, the weight of each
- * pixel of light; the solid angle is inside it.
+ * them (reflectance.analytic_basis). The solid angle of each pixel of light is inside its weight.
  */
 import {
   LIGHTING_SIZE,
@@ -18,35 +17,45 @@ export const SPHERES = Object.keys(REFLECTIVITY) as SphereName[];
 /** Side of a sphere's crop in pixels, the same as that of the light. */
 export const SPHERE_SIZE = LIGHTING_SIZE;
 
+/** The weights of each pixel of the crop, those that are zero left out. */
+export interface Basis {
+  readonly start: Uint32Array; // of each pixel's weights; one more at the end
+  readonly light: Uint16Array; // pixel of light, times 3
+  readonly weight: Float32Array;
+}
+
 const LIGHTS = LIGHTING_SIZE ** 2;
-const bases = new Map<SphereName, Float32Array>();
+const bases = new Map<SphereName, Basis>();
 
 /** Linear radiance of a sphere, RGB; zero off the sphere (equation 1). */
 export function relit(name: SphereName, radiance: Float32Array): Float32Array {
-  const weights = basisOf(name);
+  const { start, light, weight } = basisOf(name);
   const result = new Float32Array(3 * SPHERE_SIZE ** 2);
-  coverage(SPHERE_SIZE).forEach((share, pixel) => {
-    if (share === 0) return;
-    let [red, green, blue] = [0, 0, 0];
-    for (let light = 0, at = pixel * LIGHTS; light < LIGHTS; light++, at++) {
-      const weight = weights[at]!;
-      red += weight * radiance[3 * light]!;
-      green += weight * radiance[3 * light + 1]!;
-      blue += weight * radiance[3 * light + 2]!;
+  for (let pixel = 0; pixel < SPHERE_SIZE ** 2; pixel++) {
+    let red = 0;
+    let green = 0;
+    let blue = 0;
+    for (let i = start[pixel]!; i < start[pixel + 1]!; i++) {
+      const at = light[i]!;
+      red += weight[i]! * radiance[at]!;
+      green += weight[i]! * radiance[at + 1]!;
+      blue += weight[i]! * radiance[at + 2]!;
     }
-    result.set([red, green, blue], 3 * pixel);
-  });
+    result[3 * pixel] = red;
+    result[3 * pixel + 1] = green;
+    result[3 * pixel + 2] = blue;
+  }
   return result;
 }
 
 /** A sphere's basis; made when first asked for, which takes a while: see `prepareSpheres`. */
-export function basisOf(name: SphereName): Float32Array {
-  let weights = bases.get(name);
-  if (weights === undefined) {
-    weights = makeBasis(name);
-    bases.set(name, weights);
+function basisOf(name: SphereName): Basis {
+  let basis = bases.get(name);
+  if (basis === undefined) {
+    basis = makeBasis(name);
+    bases.set(name, basis);
   }
-  return weights;
+  return basis;
 }
 
 /** Makes all bases in a worker, so that `relit` never has to. */
@@ -54,8 +63,8 @@ export async function prepareSpheres(): Promise<void> {
   const worker = new Worker(new URL("./spheres-worker.ts", import.meta.url), { type: "module" });
   try {
     await new Promise<void>((done, failed) => {
-      worker.onmessage = ({ data }: MessageEvent<[SphereName, Float32Array][]>) => {
-        for (const [name, weights] of data) bases.set(name, weights);
+      worker.onmessage = ({ data }: MessageEvent<[SphereName, Basis][]>) => {
+        for (const [name, basis] of data) bases.set(name, basis);
         done();
       };
       worker.onerror = (event) => failed(new Error(event.message));
@@ -65,22 +74,38 @@ export async function prepareSpheres(): Promise<void> {
   }
 }
 
-export function makeBasis(name: SphereName): Float32Array {
+export function makeBasis(name: SphereName): Basis {
   const weights = { mirror, matte_silver: matteSilver, diffuse }[name]();
   const reflectivity = REFLECTIVITY[name];
-  coverage(SPHERE_SIZE).forEach((share, pixel) => {
+  for (let pixel = 0; pixel < SPHERE_SIZE ** 2; pixel++) {
     const row = weights.subarray(pixel * LIGHTS, (pixel + 1) * LIGHTS);
-    const sum =
-      name === "diffuse"
-        ? 1
-        : Math.max(
-            row.reduce((a, b) => a + b, 0),
-            1e-9,
-          );
-    const scale = share > 0 ? reflectivity / sum : 0;
-    for (let light = 0; light < LIGHTS; light++) row[light]! *= scale;
+    // A perfect diffuser's weights need no scale; the others are brought to what was measured.
+    const sum = name === "diffuse" ? 1 : Math.max(total(row), 1e-9);
+    for (let light = 0; light < LIGHTS; light++) row[light]! *= reflectivity / sum;
+  }
+  return withoutZeros(weights);
+}
+
+function withoutZeros(weights: Float32Array): Basis {
+  const count = weights.reduce((sum, weight) => sum + (weight > 0 ? 1 : 0), 0);
+  const basis = {
+    start: new Uint32Array(SPHERE_SIZE ** 2 + 1),
+    light: new Uint16Array(count),
+    weight: new Float32Array(count),
+  };
+  let to = 0;
+  weights.forEach((weight, i) => {
+    if (weight > 0) {
+      basis.light[to] = 3 * (i % LIGHTS);
+      basis.weight[to++] = weight;
+    }
+    if (i % LIGHTS === LIGHTS - 1) basis.start[(i + 1) / LIGHTS] = to;
   });
-  return weights;
+  return basis;
+}
+
+function total(values: Float32Array): number {
+  return values.reduce((a, b) => a + b, 0);
 }
 
 /** Counts which pixel of light each of 8 x 8 places in a pixel shows. */
