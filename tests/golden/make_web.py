@@ -18,12 +18,14 @@ from PIL import Image
 
 from deeplight import brdf, camera_response, contract, harmonics, mirror_ball, preprocess
 from deeplight.contract import ModelContract
-from deeplight.estimate.onnx_estimator import WHOLE_VIEW, OnnxEstimator
+from deeplight.estimate.network import WHOLE_VIEW
+from deeplight.estimate.onnx_estimator import OnnxEstimator
 from deeplight.estimate.results import write_results
 from deeplight.frames import turned, world_from_camera
 from deeplight.io import image, lighting_file
 from deeplight.lighting import LIGHTING_SIZE, Lighting
 from deeplight.relight import relight_rig
+from deeplight.render import transfer_file
 from deeplight.sphere import PAPER_RIG
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,6 +71,7 @@ def constants() -> dict[str, Any]:
         "CONDON_SHORTLEY": harmonics.CONDON_SHORTLEY.tolist(),
         "LATLONG_HEIGHT": lighting_file.LATLONG_HEIGHT,
         "LIGHTING_FILE": lighting_file_words(),
+        "TRANSFER": transfer_file.LAYOUT,
     }
 
 

@@ -5,6 +5,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from deeplight.errors import ImageFileError
 from deeplight.io.atomic import replacing
 from deeplight.render.transfer import MAX_ORDER, Glossy, Shadowed, Transfer
 from deeplight.render.transfer_clusters import Clusters
-from deeplight.render.transfer_ground import Ground
+from deeplight.render.transfer_ground import MIDDLE_STEP, Ground
 from deeplight.render.transfer_mesh import MAX_VERTICES
 
 MAGIC, VERSION = b"DLPT", 1
@@ -21,6 +22,18 @@ WIDE = 4  # columns of a table that get 16 bits
 _HEADER = struct.Struct("<4sHHII4BIIHH3f3f3f2f2f12x")
 _CHECKED_FROM = 16  # the checksum covers everything behind itself
 _LIMITS = {"vertices": MAX_VERTICES, "triangles": 2_000_000, "ground": 256, "clusters": 64}
+
+LAYOUT: dict[str, Any] = {
+    "magic": int.from_bytes(MAGIC, "little"),
+    "version": VERSION,
+    "header_bytes": _HEADER.size,
+    "checked_from": _CHECKED_FROM,
+    "flags": {"glossy": GLOSSY, "ground": GROUND, "colours": COLOURS},
+    "wide_columns": WIDE,
+    "most": {**_LIMITS, "order": MAX_ORDER},
+    "ground_middle_step": MIDDLE_STEP,
+}
+"""What another reader has to know; the page's is made from it."""
 
 
 @dataclass(frozen=True)

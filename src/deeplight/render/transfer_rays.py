@@ -76,11 +76,17 @@ class Blockers:
     ) -> Int[np.ndarray, "rows samples"]:
         """The vertex nearest to where each ray meets the surface; -1 where it does not."""
         rows, samples, _ = directions.shape
-        origins = np.repeat((points + OFFSET * normals).astype(np.float32), samples, axis=0)
-        found = self._scene.run(origins, directions.reshape(-1, 3), output=True)
-        meets = found["primID"] >= 0
-        result = np.full(rows * samples, -1)
-        u, v = found["u"][meets], found["v"][meets]
-        nearest = np.stack([1 - u - v, u, v]).argmax(0)
-        result[meets] = self._triangles[found["primID"][meets], nearest]
+        origins = np.repeat(points + OFFSET * normals, samples, axis=0)
+        triangle, u, v = self.met(origins, directions.reshape(-1, 3))
+        meets, result = triangle >= 0, np.full(rows * samples, -1)
+        nearest = np.stack([1 - u - v, u, v])[:, meets].argmax(0)
+        result[meets] = self._triangles[triangle[meets], nearest]
         return result.reshape(rows, samples)
+
+    def met(
+        self, origins: Float[np.ndarray, "rays 3"], directions: Float[np.ndarray, "rays 3"]
+    ) -> tuple[Int[np.ndarray, "rays"], Float[np.ndarray, "rays"], Float[np.ndarray, "rays"]]:
+        """The first triangle on each ray, -1 for none, and the shares of its corners 1 and 2."""
+        starts, toward = origins.astype(np.float32), directions.astype(np.float32)
+        found = self._scene.run(starts, toward, output=True)
+        return found["primID"], found["u"], found["v"]

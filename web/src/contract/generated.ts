@@ -162,3 +162,24 @@ export const LIGHTING_FILE = {
     "radiance": null
   }
 } as const;
+
+export const TRANSFER = {
+  "magic": 1414548548,
+  "version": 1,
+  "header_bytes": 96,
+  "checked_from": 16,
+  "flags": {
+    "glossy": 1,
+    "ground": 2,
+    "colours": 4
+  },
+  "wide_columns": 4,
+  "most": {
+    "vertices": 100000,
+    "triangles": 2000000,
+    "ground": 256,
+    "clusters": 64,
+    "order": 8
+  },
+  "ground_middle_step": 0.4
+} as const;

@@ -4,6 +4,7 @@
  * The format is `docs/transfer.md`; `deeplight render transfer` writes it. Frame of the object: +Y is up, it stands on
  * y = 0, its longest side is 1. Harmonics have the order and signs of `Lighting.harmonics`.
  */
+import { TRANSFER } from "../contract/generated.ts";
 import { crc32 } from "./crc32.ts";
 
 /** A file that is no transfer, or a damaged one; the message is for people. */
@@ -51,19 +52,10 @@ export interface Transfer {
   readonly ground: GroundTransfer | null;
 }
 
-const MAGIC = 0x54504c44; // "DLPT"
-const VERSION = 1;
-const HEADER_BYTES = 96;
-const CHECKED_FROM = 16;
-const FLAGS = { glossy: 1, ground: 2, colours: 4 } as const;
-const WIDE = 4; // columns of a table that have 16 bits
-const MOST = {
-  order: 8,
-  vertices: 100_000,
-  triangles: 2_000_000,
-  ground: 256,
-  clusters: 64,
-} as const;
+const FLAGS = TRANSFER.flags;
+const MOST = TRANSFER.most;
+const WIDE = TRANSFER.wide_columns; // those of a table that have 16 bits
+const HEADER_BYTES = TRANSFER.header_bytes;
 
 /** @throws TransferError */
 export function parseTransfer(buffer: ArrayBuffer): Transfer {
@@ -114,15 +106,15 @@ interface Header {
 
 function readHeader(buffer: ArrayBuffer): Header {
   const view = new DataView(buffer);
-  if (buffer.byteLength < HEADER_BYTES || view.getUint32(0, true) !== MAGIC) {
+  if (buffer.byteLength < HEADER_BYTES || view.getUint32(0, true) !== TRANSFER.magic) {
     throw new TransferError(
       "This file is no object with transfer. Make one with: deeplight render transfer",
     );
   }
   const version = view.getUint16(4, true);
-  if (version !== VERSION) {
+  if (version !== TRANSFER.version) {
     throw new TransferError(
-      `This object is of version ${version}; this page reads version ${VERSION}.`,
+      `This object is of version ${version}; this page reads version ${TRANSFER.version}.`,
     );
   }
   const floats = Array.from({ length: 13 }, (_, i) => view.getFloat32(32 + 4 * i, true));
@@ -149,7 +141,7 @@ function readHeader(buffer: ArrayBuffer): Header {
   if (buffer.byteLength !== size || view.getUint32(8, true) !== size) {
     throw damaged(`has ${buffer.byteLength} bytes where its header tells ${size}`);
   }
-  if (crc32(new Uint8Array(buffer, CHECKED_FROM)) !== view.getUint32(12, true)) {
+  if (crc32(new Uint8Array(buffer, TRANSFER.checked_from)) !== view.getUint32(12, true)) {
     throw damaged("has another checksum than its own");
   }
   return header;

@@ -15,7 +15,7 @@ import {
   ShaderMaterial,
   ZeroFactor,
 } from "three";
-import { GAMMA } from "../contract/generated.ts";
+import { GAMMA, TRANSFER } from "../contract/generated.ts";
 import { fitting, meet, metLength, shadowRatios } from "./evaluate.ts";
 import {
   type GlossyTransfer,
@@ -206,8 +206,9 @@ function numberTexture(texels: number): NumberTexture {
 
 /** The file's points, joined to squares that face up; `reach` is 0 in the middle and 1 along the edge. */
 function groundGeometry({ size, half }: GroundTransfer): BufferGeometry {
+  const middle = TRANSFER.ground_middle_step;
   const along = Array.from({ length: size }, (_, i) => (2 * i) / (size - 1) - 1);
-  const place = along.map((t) => half * (0.4 * t + 0.6 * t ** 3));
+  const place = along.map((t) => half * (middle * t + (1 - middle) * t ** 3));
   const positions = along.flatMap((_, row) => place.flatMap((x) => [x, 0, place[row]!]));
   const reach = along.flatMap((z) => along.map((x) => Math.max(Math.abs(x), Math.abs(z))));
   const corners: number[] = [];
