@@ -7,12 +7,15 @@ import type { Vector3 } from "./matrix.ts";
 import { nearestLit, pixelOfDirection, uvFromDirection } from "./mirror-ball.ts";
 import { remembered } from "./remembered.ts";
 
+const SMOOTH_ENOUGH = 48; // rows
+
 /** Where the panorama's pixels look: which ball pixel, and what interpolates there. */
 interface Grid {
   readonly pixel: Int32Array;
   readonly taps: Int32Array; // four ball pixels for each
   readonly weights: Float32Array; // of the four
   readonly solidAngle: Float64Array; // of a pixel in each row
+  readonly area: Float64Array; // solid angle that falls into each ball pixel, thrice
 }
 
 /** The ball as a `height` x 2 `height` panorama, RGB. */
@@ -21,6 +24,11 @@ export function equirectFromBall(ball: Float32Array, size: number, height: numbe
   // would misstate its solid angle, so a lone sun's power, by up to 5 %.
   if (height >= 512) return enlarged(ball, size, height);
   return halved(enlarged(ball, size, 2 * height), height);
+}
+
+/** Nearly the same, in a fraction of the time: to look at, not to keep. */
+export function quickEquirect(ball: Float32Array, size: number, height: number): Float32Array {
+  return enlarged(ball, size, height, Math.min(height, SMOOTH_ENOUGH));
 }
 
 /** Unit direction of a pixel's centre. */
@@ -36,31 +44,52 @@ export function rowSolidAngle(row: number, height: number): number {
   return (upper! - lower!) * (Math.PI / height);
 }
 
-function enlarged(ball: Float32Array, size: number, height: number): Float32Array {
-  const grid = gridOf(size, height);
-  const result = new Float32Array(3 * grid.pixel.length).fill(1);
-  const area = binned(result, grid, size);
+/** On a grid of `height` rows; what is smooth about it is found on one of `smoothHeight`. */
+function enlarged(
+  ball: Float32Array,
+  size: number,
+  height: number,
+  smoothHeight = height,
+): Float32Array {
   const wanted = spreadOverRim(ball, size);
-  // Logarithms do not carry the sun into its neighbours, which would then need a dark halo.
-  const darkest = Math.max(1e-6 * wanted.reduce((a, b) => Math.max(a, b), 0), 1e-30);
-  multiplySmoothly(
-    result,
-    wanted.map((value) => Math.log(Math.max(value, darkest))),
-    grid,
-  );
-  for (const smooth of [true, true, true, false]) {
-    const power = binned(result, grid, size);
-    const factor = wanted.map((value, i) => (power[i]! > 0 ? (value * area[i]!) / power[i]! : 1));
-    if (smooth) {
-      const log = factor.map((value) => Math.log(Math.min(Math.max(value, 0.05), 20)));
-      multiplySmoothly(result, log, grid);
-    } else multiplyByPixel(result, factor, grid);
-  }
+  const log = smoothLog(wanted, size, gridOf(size, smoothHeight));
+  const grid = gridOf(size, height);
+  const result = interpolatedExp(log, grid);
+  multiplyByPixel(result, shortfall(wanted, result, grid, size), grid);
   return result;
 }
 
+/** Logarithms for the ball's pixels which, interpolated, nearly give each pixel its energy. */
+function smoothLog(wanted: Float32Array, size: number, grid: Grid): Float32Array {
+  // Logarithms do not carry the sun into its neighbours, which would then need a dark halo.
+  const darkest = Math.max(1e-6 * wanted.reduce((a, b) => Math.max(a, b), 0), 1e-30);
+  const log = wanted.map((value) => Math.log(Math.max(value, darkest)));
+  for (let pass = 0; pass < 3; pass++) {
+    const factor = shortfall(wanted, interpolatedExp(log, grid), grid, size);
+    for (let i = 0; i < log.length; i++) {
+      log[i]! += Math.log(Math.min(Math.max(factor[i]!, 0.05), 20));
+    }
+  }
+  return log;
+}
+
+/** By how much each ball pixel's power is missed. */
+function shortfall(
+  wanted: Float32Array,
+  values: Float32Array,
+  grid: Grid,
+  size: number,
+): Float32Array {
+  const power = binned(values, grid, size);
+  return wanted.map((value, i) => (power[i]! > 0 ? (value * grid.area[i]!) / power[i]! : 1));
+}
+
 /** Power that falls into each ball pixel, per channel. */
-function binned(values: Float32Array, { pixel, solidAngle }: Grid, size: number): Float64Array {
+function binned(
+  values: Float32Array,
+  { pixel, solidAngle }: Pick<Grid, "pixel" | "solidAngle">,
+  size: number,
+): Float64Array {
   const sums = new Float64Array(3 * size * size);
   const width = pixel.length / solidAngle.length;
   for (let row = 0, i = 0; row < solidAngle.length; row++) {
@@ -75,9 +104,10 @@ function binned(values: Float32Array, { pixel, solidAngle }: Grid, size: number)
   return sums;
 }
 
-/** Multiplies by a factor whose logarithm is interpolated between the ball's pixels. */
-function multiplySmoothly(values: Float32Array, log: Float32Array, { taps, weights }: Grid): void {
-  for (let i = 0; i < values.length / 3; i++) {
+/** Values whose logarithm is interpolated between the ball's pixels. */
+function interpolatedExp(log: Float32Array, { pixel, taps, weights }: Grid): Float32Array {
+  const values = new Float32Array(3 * pixel.length);
+  for (let i = 0; i < pixel.length; i++) {
     let red = 0;
     let green = 0;
     let blue = 0;
@@ -88,10 +118,11 @@ function multiplySmoothly(values: Float32Array, log: Float32Array, { taps, weigh
       green += weight * log[from + 1]!;
       blue += weight * log[from + 2]!;
     }
-    values[3 * i]! *= Math.exp(red);
-    values[3 * i + 1]! *= Math.exp(green);
-    values[3 * i + 2]! *= Math.exp(blue);
+    values[3 * i] = Math.exp(red);
+    values[3 * i + 1] = Math.exp(green);
+    values[3 * i + 2] = Math.exp(blue);
   }
+  return values;
 }
 
 function multiplyByPixel(values: Float32Array, factor: Float32Array, { pixel }: Grid): void {
@@ -128,7 +159,8 @@ const gridOf = remembered((size: number, height: number): Grid => {
     }
   }
   const solidAngle = Float64Array.from({ length: height }, (_, row) => rowSolidAngle(row, height));
-  return { pixel, taps, weights, solidAngle };
+  const area = binned(new Float32Array(3 * count).fill(1), { pixel, solidAngle }, size);
+  return { pixel, taps, weights, solidAngle, area };
 });
 
 /** A panorama of twice `height` rows averaged to `height`, by solid angle. */

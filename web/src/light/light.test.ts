@@ -2,6 +2,7 @@
 import { describe, expect, test } from "vitest";
 import { floats, golden, largestError, relativeError, rows } from "../../tests/golden.ts";
 import { pixelFromRadiance, radianceFromPixel } from "./camera-response.ts";
+import { rowSolidAngle } from "./equirect.ts";
 import { basis, cosineKernel, irradiance } from "./harmonics.ts";
 import { Lighting } from "./lighting.ts";
 import { IDENTITY, type Matrix3x3, transposed, type Vector3 } from "./matrix.ts";
@@ -119,6 +120,15 @@ describe("turned light", () => {
 test("the panorama is Python's", () => {
   expect(relativeError(light.equirect(16), floats(want.equirect_16))).toBeLessThan(1e-4);
   expect(relativeError(mirrored.equirect(16), floats(want.equirect_16))).toBeGreaterThan(0.05);
+});
+
+test("the quick panorama is nearly the exact one, and has its energy", () => {
+  const [quick, exact] = [light.quickEquirect(64), light.equirect(64)];
+  const stops = Array.from(quick, (value, i) => Math.abs(Math.log2(value / exact[i]!)));
+  expect(stops.reduce((a, b) => a + b) / stops.length).toBeLessThan(0.03);
+  const power = (values: Float32Array) =>
+    values.reduce((sum, value, i) => sum + value * rowSolidAngle(Math.floor(i / 384), 64), 0);
+  expect(power(quick) / power(exact)).toBeCloseTo(1, 2);
 });
 
 describe("the spheres", () => {

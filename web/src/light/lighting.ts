@@ -4,7 +4,7 @@
  */
 import { LIGHTING_SIZE } from "../contract/generated.ts";
 import { pixelFromRadiance } from "./camera-response.ts";
-import { equirectFromBall } from "./equirect.ts";
+import { equirectFromBall, quickEquirect } from "./equirect.ts";
 import { project } from "./harmonics.ts";
 import { findMainLight, type MainLight } from "./main-light.ts";
 import type { Matrix3x3 } from "./matrix.ts";
@@ -59,6 +59,11 @@ export class Lighting {
   equirect(height: number, width = 2 * height): Float32Array {
     if (width !== 2 * height) throw new RangeError(`expected width 2 x height, got ${width}`);
     return equirectFromBall(this.radiance(), this.size, height);
+  }
+
+  /** `equirect` for what changes every moment: 2 % off on average, in a sixth of the time. */
+  quickEquirect(height: number): Float32Array {
+    return quickEquirect(this.radiance(), this.size, height);
   }
 
   /** A reference sphere as the camera would show it, transparent around it. */

@@ -35,7 +35,7 @@ export class Environment {
 
   /** Lights `scene`. The light stays in its camera's frame; the pose turns the environment instead. */
   light(scene: Scene, lighting: Lighting, worldFromCamera: Matrix3x3): void {
-    writeForThree(this.texels, lighting.equirect(HEIGHT, WIDTH));
+    writeForThree(this.texels, lighting.quickEquirect(HEIGHT));
     this.panorama.needsUpdate = true;
     // The types ask for a cube; the generator makes, and takes again, its own flat target.
     const again = this.target as WebGLCubeRenderTarget | null;
