@@ -1,5 +1,7 @@
 import { fileURLToPath } from "node:url";
 import { defineConfig } from "vitest/config";
+import { contentPolicy } from "./build/policy.ts";
+import { precache } from "./build/precache.ts";
 import { runtime } from "./build/runtime.ts";
 import { shippedModel } from "./build/shipped-model.ts";
 
@@ -8,8 +10,10 @@ const here = (path: string) => fileURLToPath(new URL(path, import.meta.url));
 export default defineConfig({
   base: "./", // the built page works in any folder of any host
   plugins: [
+    contentPolicy(here("../src/deeplight/demo/policy.txt")),
     shippedModel(here("../src/deeplight/weights/deeplight.onnx")),
     runtime(here("node_modules/onnxruntime-web/dist")),
+    precache("service-worker.js"),
   ],
   worker: { format: "es" },
   build: {
@@ -18,6 +22,18 @@ export default defineConfig({
     target: "es2022", // Safari 16.4, Chrome 94, Firefox 93: what WASM with SIMD needs anyway
     assetsInlineLimit: 0, // the content policy has no place for data: scripts or fonts
     chunkSizeWarningLimit: 1024,
+    rollupOptions: {
+      input: {
+        page: here("index.html"),
+        "service-worker": here("src/page/service-worker.ts"),
+      },
+      output: {
+        // The worker's address must not change, and its folder is what it serves.
+        entryFileNames: ({ name }) =>
+          name === "service-worker" ? "[name].js" : "assets/[name]-[hash].js",
+      },
+    },
   },
+  server: { fs: { allow: [here("."), here("../examples/photos")] } },
   test: { include: ["src/**/*.test.ts", "tests/**/*.test.ts"], testTimeout: 20_000 },
 });
