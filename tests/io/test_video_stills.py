@@ -64,6 +64,19 @@ def test_colours_luma_and_turn_come_back(tmp_path: Path, codec: str, rotation_de
     np.testing.assert_array_equal(next(iter(frames(path))).pixels, clip[0].rgb())
 
 
+@pytest.mark.parametrize("codec", ["libx264", "libx265"])
+def test_channels_and_averaged_luma_are_the_pictures(tmp_path: Path, codec: str) -> None:
+    still = next(stills(film(tmp_path / "a.mp4", codec, 90)))
+    np.testing.assert_array_equal(np.stack(still.channels(), axis=-1), still.rgb())
+    assert still.luma.flags.c_contiguous
+    shares = still.averaged_luma(lambda grey: grey[::16, ::16])
+    np.testing.assert_array_equal(shares, still.luma[::16, ::16])
+    means = still.averaged_luma(lambda grey: grey.reshape(6, 16, 4, 16).mean((1, 3)).astype(int))
+    wanted = still.luma.reshape(6, 16, 4, 16).mean((1, 3))
+    assert np.abs(means - wanted).max() <= 1.5  # rounded twice
+    assert np.abs(means.T[:4, :4] - wanted[:4, :4]).max() > 10
+
+
 def test_a_wrong_turn_would_be_noticed(tmp_path: Path) -> None:
     """The twin: the picture of the test above differs from itself upside down."""
     still = next(stills(film(tmp_path / "a.mp4", "libx264", 90)))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from deeplight.capture.quality import QualityLog, measured
+from deeplight.capture.quality import QualityLog, Samples, measured
 from deeplight.errors import ConfigError
 from deeplight.io.video import Still
 
@@ -84,11 +84,7 @@ class Chooser:
         for still in stills:
             if self.causes[still.number] == KEEP:
                 left -= 1
-                view = (
-                    evened(measured(measured(still.luma), _ALIKE_SIDE, 1.0))
-                    if self._alike
-                    else None
-                )
+                view = evened(still.averaged_luma(_view)) if self._alike else None
                 if view is not None and last is not None and _difference(view, last) < self._alike:
                     self.causes[still.number] = "near_duplicate"
                 else:
@@ -108,6 +104,10 @@ class Chooser:
         return {cause: counts[cause] for cause in CAUSES if counts[cause]}
 
 
+def _view(luma: Samples) -> Samples:
+    return measured(measured(luma), _ALIKE_SIDE, 1.0)
+
+
 def evened(grey: UInt8[np.ndarray, "height width"]) -> Float[np.ndarray, "height width"]:
     """Bring the mean to 128, so that exposure alone makes no new view."""
     wide = grey.astype(np.float32)
@@ -117,7 +117,7 @@ def evened(grey: UInt8[np.ndarray, "height width"]) -> Float[np.ndarray, "height
 def _difference(
     one: Float[np.ndarray, "height width"], other: Float[np.ndarray, "height width"]
 ) -> float:
-    return float(cv2.absdiff(np.ascontiguousarray(one), np.ascontiguousarray(other)).mean())
+    return cv2.norm(np.ascontiguousarray(one), np.ascontiguousarray(other), cv2.NORM_L1) / one.size
 
 
 def _frozen(change: Float[np.ndarray, " frames"]) -> Bool[np.ndarray, " frames"]:

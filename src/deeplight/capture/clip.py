@@ -19,14 +19,14 @@ from deeplight.capture.choice import ChoiceSettings, Chooser, causes_by_log
 from deeplight.capture.locate import locate
 from deeplight.capture.located import Located, LocateSettings, NotLocated
 from deeplight.capture.quality import QualityLog
-from deeplight.capture.reproject import crops, reprojections
+from deeplight.capture.reproject import background_of, crops, reprojections
 from deeplight.capture.truth import true_lighting
 from deeplight.contract import ModelContract
 from deeplight.dataset import Example, ExampleMeta
 from deeplight.dataset.splits import TRAINING_SPLITS
 from deeplight.errors import DataSetError, InputError
 from deeplight.io.video import Still, VideoFacts, facts, stills
-from deeplight.preprocess import Framing, background, frame_photo
+from deeplight.preprocess import Framing, frame_photo
 from deeplight.sphere import Rig
 
 Picture = UInt8[np.ndarray, "height width 3"]
@@ -157,15 +157,15 @@ def _examples(account: Account, camera: PinholeCamera, rig: Rig) -> Iterator[Exa
     step = 1
     with closing(_read(clip.path)) as reading:
         for count, still in enumerate(account.chooser.keep(reading)):
-            photo = still.rgb()
-            spheres = crops(photo, cuts)
+            channels = still.channels()
+            spheres = crops(channels, cuts)
             if count % step == 0:
                 account.shown.append((still.number, spheres))
                 if len(account.shown) >= 2 * _SHOWN:
                     account.shown, step = account.shown[::2], 2 * step
             yield Example(
                 f"{rig.name}-{still.number:06d}",
-                background(photo, framing),
+                background_of(channels, framing),
                 spheres,
                 _meta(account, still, rig),
                 lighting.get(still.number),

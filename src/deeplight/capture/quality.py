@@ -9,16 +9,18 @@ from collections.abc import Iterable, Iterator
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Shaped, UInt8
 
 from deeplight.camera import BACKGROUND_FRACTION
 from deeplight.io.video import Still
 
 MEASURED_SIDE = 270  # pixels of the shorter side where a frame is measured
 COLUMNS = ("time_s", "mean", "black", "clipped", "sharpness", "change")
+_LEVELS = np.arange(256.0)
 _BLACK, _WHITE = 6, 249  # grey levels from which on a pixel counts as lost
 
 Grey = UInt8[np.ndarray, "_ _"]  # any height and width
+Samples = Shaped[np.ndarray, "_ _"]  # the same as stored, perhaps of 16 bits
 
 
 class QualityLog:
@@ -36,7 +38,7 @@ class QualityLog:
         """Hand `stills` on and measure each as it goes by."""
         last: Grey | None = None
         for still in stills:
-            small = measured(still.luma)
+            small = np.ascontiguousarray(still.averaged_luma(measured))
             self._rows.extend(_numbers(still.time_s, small, last))
             last = small
             yield still
@@ -54,41 +56,38 @@ class QualityLog:
         return self._rows[frame * len(COLUMNS) + COLUMNS.index(name)]
 
 
-def measured(luma: Grey, side: int = MEASURED_SIDE, share: float = BACKGROUND_FRACTION) -> Grey:
+def measured(
+    luma: Samples, side: int = MEASURED_SIDE, share: float = BACKGROUND_FRACTION
+) -> Samples:
     """Give the upper `share` of the grey as an area average, its shorter side at most `side`."""
     rows = luma[: round(len(luma) * share)]
     scale = min(1.0, side / min(luma.shape))
     size = max(8, round(rows.shape[1] * scale)), max(8, round(rows.shape[0] * scale))
-    return _shrunk(rows, size)
+    return shrunk(rows, size)
 
 
-def _shrunk(grey: Grey, size: tuple[int, int]) -> Grey:
+def shrunk(grey: Samples, size: tuple[int, int]) -> Samples:
     """Area average to `size` (width, height), walking the pixels as they lie in memory.
 
     Phones store portrait lying down; the upright frame is then a view with swapped strides, which
     OpenCV would copy first.
     """
     if abs(grey.strides[0]) < abs(grey.strides[1]):
-        return _shrunk(grey.T, size[::-1]).T
+        return shrunk(grey.T, size[::-1]).T
     if grey.strides[0] < 0:
-        return _shrunk(grey[::-1], size)[::-1]
+        return shrunk(grey[::-1], size)[::-1]
     if grey.strides[1] < 0:
-        return _shrunk(grey[:, ::-1], size)[:, ::-1]
+        return shrunk(grey[:, ::-1], size)[:, ::-1]
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA))
 
 
 def _numbers(time_s: float, small: Grey, last: Grey | None) -> tuple[float, ...]:
-    levels = np.bincount(small.ravel(), minlength=256) / small.size
-    edges = cv2.Laplacian(np.ascontiguousarray(small), cv2.CV_32F, ksize=1)
-    contrast = max(float(small.std()), 2.0)  # a blank wall is not sharp by its noise
+    levels = cv2.calcHist([small], [0], None, [256], [0, 256]).ravel().astype(float) / small.size
+    mean = float(levels @ _LEVELS)
+    variance = max(4.0, float(levels @ (_LEVELS - mean) ** 2))  # a blank wall is not sharp by noise
+    edges = cv2.meanStdDev(cv2.Laplacian(small, cv2.CV_16S, ksize=1))[1].item() ** 2
     change = np.inf
     if last is not None and last.shape == small.shape:
-        change = float(cv2.absdiff(small, last).mean())
-    return (
-        time_s,
-        float(levels @ np.arange(256)) / 255,
-        float(levels[:_BLACK].sum()),
-        float(levels[_WHITE:].sum()),
-        float(edges.var()) / contrast**2,
-        change,
-    )
+        change = cv2.norm(small, last, cv2.NORM_L1) / small.size
+    black, white = float(levels[:_BLACK].sum()), float(levels[_WHITE:].sum())
+    return time_s, mean / 255, black, white, edges / variance, change

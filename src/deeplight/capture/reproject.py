@@ -5,7 +5,7 @@ mean of 8 x 8 interpolated samples, taken in linear light, as a camera with 32 x
 integrate it, and encoded again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,10 +15,16 @@ from jaxtyping import Float32, UInt8
 from deeplight import mirror_ball
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import decode, encode
+from deeplight.capture.quality import shrunk
 from deeplight.frames import turned
+from deeplight.preprocess import Framing, background
 from deeplight.sphere import SPHERES, Rig, SphereView
 
 SAMPLES = 8  # along a pixel of the crop
+
+_WHOLE_PX = 1e-6  # how near an edge must be to that of a pixel
+
+Channels = Sequence[UInt8[np.ndarray, "height width"]]
 
 _LINEAR = decode(np.arange(256, dtype=np.float32) / np.float32(255))
 
@@ -59,9 +65,10 @@ class Reprojection:
         within = (column - left).astype(np.float32), (row - top).astype(np.float32)
         return cls(view, top, left, bottom, right, *within)
 
-    def crop(self, frame: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "size size 3"]:
-        """Cut the sphere out of a frame; the corners show what is around it."""
-        part = np.ascontiguousarray(frame[self.top : self.bottom, self.left : self.right])
+    def crop(self, channels: Channels) -> UInt8[np.ndarray, "size size 3"]:
+        """Cut the sphere out of a frame's red, green and blue; the corners show what is around."""
+        box = np.s_[self.top : self.bottom, self.left : self.right]
+        part = cv2.merge([np.ascontiguousarray(channel[box]) for channel in channels])
         samples = cv2.remap(
             cv2.LUT(part, _LINEAR),
             self.column,
@@ -81,7 +88,24 @@ def reprojections(rig: Rig, camera: PinholeCamera) -> dict[str, Reprojection]:
 
 
 def crops(
-    frame: UInt8[np.ndarray, "height width 3"], cuts: Mapping[str, Reprojection]
+    channels: Channels, cuts: Mapping[str, Reprojection]
 ) -> dict[str, UInt8[np.ndarray, "size size 3"]]:
-    """Cut every sphere out of a frame."""
-    return {name: cut.crop(frame) for name, cut in cuts.items()}
+    """Cut every sphere out of a frame's red, green and blue."""
+    return {name: cut.crop(channels) for name, cut in cuts.items()}
+
+
+def background_of(
+    channels: Channels, framing: Framing
+) -> UInt8[np.ndarray, "input_height input_width 3"]:
+    """`preprocess.background` of a frame's red, green and blue: the same but for rounding.
+
+    Where the trained view is whole pixels of the frame, as it is of 9:16 frames with the default
+    field of view, OpenCV takes the area average in a fifth of the time.
+    """
+    edges = np.array([framing.top, framing.bottom, framing.left, framing.right])
+    top, bottom, left, right = whole = edges.round().astype(int)
+    inside = min(top, left) >= 0 and bottom <= framing.photo_height and right <= framing.photo_width
+    if not inside or np.abs(edges - whole).max() > _WHOLE_PX:
+        return background(np.stack(channels, axis=-1), framing)
+    size = framing.input_width, framing.input_height
+    return np.stack([shrunk(c[top:bottom, left:right], size) for c in channels], axis=-1)

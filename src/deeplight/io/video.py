@@ -1,13 +1,13 @@
 """Video files as a stream of upright pictures."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from threading import get_ident
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import UInt8, UInt16
@@ -44,13 +44,30 @@ class Still:
     Attributes:
         number: position in the file, from 0.
         time_s: when it is shown.
-        luma: grey, gamma-encoded, full range; HDR is brought to SDR.
     """
 
     number: int
     time_s: float
-    luma: UInt8[np.ndarray, "height width"]
     _frame: "av.VideoFrame" = field(repr=False)
+
+    @cached_property
+    def luma(self) -> UInt8[np.ndarray, "height width"]:
+        """Grey, gamma-encoded, full range, row by row in memory; HDR is brought to SDR."""
+        return np.ascontiguousarray(_upright(_luma(self._frame), self._frame))
+
+    def averaged_luma(
+        self, average: Callable[[np.ndarray], np.ndarray]
+    ) -> UInt8[np.ndarray, "h w"]:
+        """Give `average(luma)`, but for rounding, without the cost of all of `luma`.
+
+        Means of pixels are taken of the samples as they are stored; of HDR that is before it is
+        brought to SDR.
+        """
+        raw = _raw_luma(self._frame)
+        if raw is None:
+            return average(self.luma)
+        samples, table, shift = raw
+        return table[(average(_upright(samples, self._frame)) >> shift) & (len(table) - 1)]
 
     def rgb(self) -> UInt8[np.ndarray, "height width 3"]:
         """The colours, gamma-encoded; converted when asked for.
@@ -58,6 +75,10 @@ class Still:
         HLG and PQ become SDR on the scale of `io.video_colour`.
         """
         return _upright(_pixels(self._frame), self._frame)
+
+    def channels(self) -> tuple[UInt8[np.ndarray, "height width"], ...]:
+        """Red, green and blue of `rgb`, one array each, in two thirds of the time."""
+        return tuple(_upright(channel, self._frame) for channel in _channels(self._frame))
 
 
 @dataclass(frozen=True)
@@ -123,7 +144,7 @@ def stills(path: Path | str) -> Iterator[Still]:
         for frame in _decoded(container, path):
             _check(path, frame.width, frame.height)
             time_s = count / float(rate or 30) if frame.pts is None else frame.time
-            yield Still(count, time_s, _upright(_luma(frame), frame), frame)
+            yield Still(count, time_s, frame)
             count += 1
     if not count:
         raise _no_video(path)
@@ -225,22 +246,31 @@ def _upright(values: np.ndarray, frame: "av.VideoFrame") -> np.ndarray:
 
 
 def _pixels(frame: "av.VideoFrame") -> UInt8[np.ndarray, "height width 3"]:
+    import cv2
+
+    return np.asarray(cv2.merge(_channels(frame)))
+
+
+def _channels(frame: "av.VideoFrame") -> tuple[UInt8[np.ndarray, "height width"], ...]:
+    """Red, green and blue, as stored."""
     transfer = HDR_TRANSFERS.get(int(frame.color_trc))
     matrix = int(frame.colorspace)
     if matrix == UNSPECIFIED:
         tall = min(frame.width, frame.height) >= 720
         matrix = BT2020 if transfer else ITU709 if tall else ITU601
+    converter = _converter(get_ident())
     if transfer:
-        signal = (
-            _converter(get_ident())
-            .reformat(frame, format="rgb48le", src_colorspace=matrix)
-            .to_ndarray()
-        )
-        return video_colour.sdr_pixels(signal, transfer)
-    converted = _converter(get_ident()).reformat(
-        frame, format="rgb24", src_colorspace=matrix, interpolation=_EXACT
-    )
-    return converted.to_ndarray()
+        signal = converter.reformat(frame, format="rgb48le", src_colorspace=matrix).to_ndarray()
+        return tuple(np.moveaxis(video_colour.sdr_pixels(signal, transfer), -1, 0))
+    # In planes FFmpeg's exact way takes less than half of what it takes for packed RGB.
+    planar = converter.reformat(frame, format="gbrp", src_colorspace=matrix, interpolation=_EXACT)
+    return tuple(_samples(planar, plane, np.uint8) for plane in (2, 0, 1))
+
+
+def _samples(frame: "av.VideoFrame", plane: int, kind: Any) -> np.ndarray:
+    """One full-size plane of a frame, which it keeps alive; not copied."""
+    rows: np.ndarray = np.frombuffer(memoryview(frame.planes[plane]), kind)
+    return rows.reshape(frame.height, -1)[:, : frame.width]
 
 
 @lru_cache(maxsize=16)
@@ -253,21 +283,26 @@ def _converter(thread: int) -> "av.video.reformatter.VideoReformatter":  # noqa:
 
 def _luma(frame: "av.VideoFrame") -> UInt8[np.ndarray, "height width"]:
     """The Y plane at full range; cheap, because colours are left alone."""
-    layout = _PLANAR.get(frame.format.name)
-    if layout is None:  # RGB and rarities
+    raw = _raw_luma(frame)
+    if raw is None:  # RGB and rarities
         return np.round(_pixels(frame) @ LUMINANCE).astype(np.uint8)
-    bits, shift = layout
-    plane = frame.planes[0]
-    sample = np.uint8 if bits == 8 else np.dtype("<u2")
-    rows: np.ndarray = np.frombuffer(memoryview(plane), sample).reshape(frame.height, -1)[
-        :, : frame.width
-    ]
-    full = int(frame.color_range) == FULL_RANGE or frame.format.name.startswith(("yuvj", "gray"))
-    table = _luma_table(bits, full, HDR_TRANSFERS.get(int(frame.color_trc)))
-    if bits > 8:
+    rows, table, shift = raw
+    if rows.itemsize > 1:
         return table[(rows >> shift) & (len(table) - 1)]
-    looked_up = rows.tobytes().translate(table.tobytes())  # four times as fast as an index
-    return np.frombuffer(looked_up, np.uint8).reshape(rows.shape)
+    import cv2
+
+    return np.asarray(cv2.LUT(rows, table))  # three times as fast as an index
+
+
+def _raw_luma(frame: "av.VideoFrame") -> tuple[np.ndarray, np.ndarray, int] | None:
+    """The Y plane as stored, the grey of each sample, and how far up a sample's bits lie."""
+    layout = _PLANAR.get(frame.format.name)
+    if layout is None:
+        return None
+    bits, shift = layout
+    rows = _samples(frame, 0, np.uint8 if bits == 8 else np.dtype("<u2"))
+    full = int(frame.color_range) == FULL_RANGE or frame.format.name.startswith(("yuvj", "gray"))
+    return rows, _luma_table(bits, full, HDR_TRANSFERS.get(int(frame.color_trc))), shift
 
 
 @lru_cache(maxsize=16)
