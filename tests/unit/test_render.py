@@ -127,6 +127,49 @@ def test_an_open_surface_may_be_used_and_z_may_be_up(tmp_path: Path) -> None:
     assert upright.vertices[:, 1].max() == pytest.approx(5)  # up, not down
 
 
+def test_edges_are_sharp_and_round_things_round_where_a_file_has_no_normals(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    box, ball = trimesh.creation.box((1, 2, 3)), trimesh.creation.icosphere(2)
+    for name, shape in (("box", box), ("ball", ball)):
+        shape.export(tmp_path / f"{name}.ply", vertex_normal=False)
+    (flat,), (round_,) = (load(str(tmp_path / f"{name}.ply")) for name in ("box", "ball"))
+    assert flat.normals is not None
+    assert round_.normals is not None
+    outwards = np.abs(flat.normals).max(1)  # a box's: along one axis each
+    assert outwards == pytest.approx(1)
+    assert len(round_.vertices) == len(ball.vertices)
+    cosine = (round_.normals * round_.vertices).sum(1)
+    assert cosine.min() > 0.99
+
+
+def test_a_mesh_is_read_anew_when_its_file_has_changed(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    path = tmp_path / "a.ply"
+    trimesh.creation.box((1, 1, 1)).export(path)
+    assert load(str(path)) is load(str(path))
+    trimesh.creation.icosphere(1).export(path)
+    assert len(load(str(path))[0].faces) == 80
+
+
+def test_a_large_texture_is_reduced_and_a_huge_one_told_by_name(
+    tmp_path: Path, monkeypatch
+) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    picture = Image.fromarray(np.full((64, 32, 3), 200, np.uint8))
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=picture)
+    box = trimesh.creation.box((1, 1, 1))
+    box.visual = trimesh.visual.TextureVisuals(np.zeros((len(box.vertices), 2)), material=material)
+    for name in ("a.glb", "b.glb"):
+        (tmp_path / name).write_bytes(box.export(file_type="glb"))
+    monkeypatch.setattr("deeplight.render.mesh.KEPT_TEXTURE_PX", 30)
+    (kept,) = load(str(tmp_path / "a.glb"))
+    assert kept.finish.colour_map is not None
+    assert kept.finish.colour_map.shape == (22, 11, 3)
+    monkeypatch.setattr("deeplight.render.mesh.MAX_TEXTURE_PX", 50)
+    with pytest.raises(ImageFileError, match=r"b\.glb.*32 x 64"):
+        load(str(tmp_path / "b.glb"))
+
+
 def test_a_glb_keeps_its_place_material_and_texture(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     picture = Image.new("RGB", (4, 4), (200, 100, 50))

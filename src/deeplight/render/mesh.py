@@ -23,6 +23,8 @@ MAX_TRIANGLES = 5_000_000
 MAX_TEXTURE_PX = 8192
 KEPT_TEXTURE_PX = 4096  # larger ones are reduced: Mitsuba keeps 12 bytes for each texel
 
+SHARP_RAD = float(np.radians(40))  # an edge of more is not smooth
+
 Texture = UInt8[np.ndarray, "height width channels"]
 
 
@@ -151,6 +153,10 @@ def _opened(path: Path) -> list[Mesh]:
 
 
 def _mesh(piece: Any) -> Mesh:
+    if _rounds_its_edges(piece):
+        from trimesh.graph import smooth_shade
+
+        piece = smooth_shade(piece, angle=SHARP_RAD)
     visual = piece.visual
     uv = getattr(visual, "uv", None)
     colours = None
@@ -164,6 +170,17 @@ def _mesh(piece: Any) -> Mesh:
         colours,
         _finish(getattr(visual, "material", None)),
     )
+
+
+def _rounds_its_edges(piece: Any) -> bool:
+    """Whether one normal stands for faces that meet at a sharp edge, which would shade them dark.
+
+    So it is in files that give no normals, where trimesh takes the mean of the faces around.
+    """
+    if not len(piece.faces):
+        return False
+    cosine = np.einsum("fcx,fx->fc", piece.vertex_normals[piece.faces], piece.face_normals)
+    return bool((cosine[piece.area_faces > 0] < np.cos(SHARP_RAD)).any())
 
 
 def _finish(material: Any) -> Finish:
