@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 # Without it PyPI's build for Linux would bring gigabytes of CUDA; the tests need none of it.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
-EXTRAS := capture,cluster,dev,heic,render,train
+EXTRAS := capture,cluster,dev,heic,litert,render,train
 
 # The tests run in $(JOBS) processes; without this each would start a thread per core.
 export OMP_NUM_THREADS ?= 1

@@ -24,7 +24,7 @@ class Args:
     """Vertical field of view of the upright photo in degrees. Default: from EXIF, else 66 degrees
     along the long side."""
     model: Path | None = None
-    """Use this .onnx file instead of the model that comes with deeplight."""
+    """Use this .onnx or .tflite file instead of the model that comes with deeplight."""
     made_for: Annotated[
         Literal["blender", "three", "mitsuba", "unity", "unreal", "webxr"] | None,
         tyro.conf.arg(name="for"),
@@ -38,14 +38,14 @@ def run(args: Args) -> None:
     """Estimate all that can be; of the rest tell why not, one line each."""
     from deeplight.cli.estimate_batch import Batch
     from deeplight.errors import ConfigError
-    from deeplight.estimate.onnx_estimator import OnnxEstimator
+    from deeplight.estimate.open import open_model
 
     if not args.photos:
         raise ConfigError("at least one photo, folder or video", "none", "name one")
     if args.fov is not None and not 0 < args.fov < 180:
         raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
     Batch(
-        estimator=OnnxEstimator(args.model),
+        estimator=open_model(args.model),
         out=args.out,
         fov_deg=args.fov,
         made_for=args.made_for,

@@ -11,7 +11,7 @@ from rich.progress import Progress
 
 from deeplight.cli.main import told
 from deeplight.errors import ImageFileError, InputError
-from deeplight.estimate.onnx_estimator import Estimate, OnnxEstimator
+from deeplight.estimate.network import Estimate, NetworkEstimator
 from deeplight.estimate.results import write_results
 from deeplight.estimate.sources import Source, find_sources
 from deeplight.export.orientation import TOOLS
@@ -38,7 +38,7 @@ class Batch:
         hdr: also write Radiance RGBE.
     """
 
-    estimator: OnnxEstimator
+    estimator: NetworkEstimator
     out: Path
     fov_deg: float | None = None
     made_for: str | None = None

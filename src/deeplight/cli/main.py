@@ -23,17 +23,22 @@ VERBS = {
     "render": "radiance transfer of an object, for shading it in real time",
     "convert": "light in any format and mapping, for any tool, edited on the way",
     "demo": "the live page: camera or photo in, its light out, in the browser",
+    "export": "a trained network as ONNX or TFLite, in fewer bits if wanted",
+    "benchmark": "how fast models run here, by runtime and threads",
     "evaluate": "measure an estimator on a data set, beside trivial baselines",
 }
 """Verb -> help line. Only the module of the verb asked for, `deeplight.cli.<verb>`, is loaded."""
 
 EXTRA_OF = {
+    "ai_edge_litert": "litert",
+    "ai_edge_quantizer": "tflite",
     "av": "capture",
     "cv2": "capture",
     "embreex": "render",
     "fsspec": "train",
     "jinja2": "capture",
     "lightning_fabric": "train",
+    "litert_torch": "tflite",
     "matplotlib": "train",
     "mitsuba": "render",
     "onnx": "export",

@@ -7,7 +7,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
 from deeplight.camera_response import CameraResponse
-from deeplight.estimate.onnx_estimator import Estimate
+from deeplight.estimate.network import Estimate
 from deeplight.harmonics import dominant_light
 from deeplight.io.image import Photo
 from deeplight.latlong import position

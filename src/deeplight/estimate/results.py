@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from deeplight.estimate.onnx_estimator import Estimate, OnnxEstimator
+from deeplight.estimate.network import Estimate, NetworkEstimator
 from deeplight.estimate.preview import preview
 from deeplight.io.image import write_png
 from deeplight.io.lighting_file import LATLONG_HEIGHT, Turn, save_lighting
@@ -21,7 +21,7 @@ FULL_DISK_BYTES = 2**22
 
 def write_results(
     estimate: Estimate,
-    estimator: OnnxEstimator,
+    estimator: NetworkEstimator,
     folder: Path,
     stem: str,
     *,
@@ -60,7 +60,7 @@ def write_results(
 
 
 def _written(
-    estimate: Estimate, estimator: OnnxEstimator, stem: Path, turn: Turn | None, hdr: bool
+    estimate: Estimate, estimator: NetworkEstimator, stem: Path, turn: Turn | None, hdr: bool
 ) -> list[Path]:
     latlong = estimate.lighting.latlong(LATLONG_HEIGHT)
     facts = _facts(estimate, estimator)
@@ -83,7 +83,7 @@ def _moved(files: list[Path], folder: Path) -> list[Path]:
     return moved
 
 
-def _facts(estimate: Estimate, estimator: OnnxEstimator) -> dict[str, Any]:
+def _facts(estimate: Estimate, estimator: NetworkEstimator) -> dict[str, Any]:
     """Give the JSON entries that tell where the light comes from."""
     framing = estimate.framing
     source = estimate.photo.source

@@ -11,7 +11,8 @@ from deeplight.camera import BACKGROUND_FRACTION, TRAINED_VERTICAL_FOV_RAD
 from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError, ModelError
 from deeplight.estimate.estimator import PhotoLike
-from deeplight.estimate.onnx_estimator import OnnxEstimator
+from deeplight.estimate.network import NetworkEstimator
+from deeplight.estimate.open import open_model
 from deeplight.lighting import Lighting
 from deeplight.preprocess import frame_photo, network_input
 
@@ -25,7 +26,7 @@ class NamedModel:
     A landscape network (section 4.3) is given its own view, cut from the portrait background.
     """
 
-    def __init__(self, name: str, network: OnnxEstimator) -> None:
+    def __init__(self, name: str, network: NetworkEstimator) -> None:
         self._name, self.network = name, network
 
     @property
@@ -66,7 +67,7 @@ def named_models(given: Sequence[str]) -> list[NamedModel]:
         ConfigError: a name that would not fit a table, or one twice.
     """
     if not given:
-        return [NamedModel("deeplight", OnnxEstimator())]
+        return [NamedModel("deeplight", open_model())]
     models = []
     for item in given:
         name, equals, path = item.rpartition("=")
@@ -74,12 +75,10 @@ def named_models(given: Sequence[str]) -> list[NamedModel]:
             expected = "a model's name of letters, digits and _ . + - (at most 40)"
             raise ConfigError(expected, repr(name), "write --model NAME=FILE")
         if Path(path).is_dir():
-            models += [
-                NamedModel(own, OnnxEstimator(file)) for own, file in _runs(Path(path), name)
-            ]
+            models += [NamedModel(own, open_model(file)) for own, file in _runs(Path(path), name)]
         else:
             own = name or ("deeplight" if len(given) == 1 else Path(path).stem)
-            models.append(NamedModel(own, OnnxEstimator(path)))
+            models.append(NamedModel(own, open_model(path)))
     return models
 
 

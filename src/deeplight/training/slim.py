@@ -44,7 +44,7 @@ def start_from(
     """
     plain = Generator(without_norm(config)).eval()
     refuse_other_shape(plain, wide)
-    if plain.encoder.features[0].conv.out_channels == wide.encoder.features[0].conv.out_channels:
+    if ends_of(plain.encoder)[0].conv.out_channels == ends_of(wide.encoder)[0].conv.out_channels:
         plain.encoder.load_state_dict(wide.encoder.state_dict())
         plain.latent.load_state_dict(wide.latent.state_dict())
     else:
@@ -78,23 +78,37 @@ def fit_encoder(
     narrow: MobileNetV2Encoder, wide: MobileNetV2Encoder, photos: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Fit all blocks, first to last; gives the last basis (channels, fewer) and wide features."""
-    stem, first = wide.features[0], wide.features[1]
-    flow = stem(photos)
+    (stem, first), (thin_stem, thin_first) = ends_of(wide), ends_of(narrow)
+    flow: Tensor = stem(photos)
     effect = first.project.conv.weight[:, :, 0, 0]
-    kept = strongest(first.depthwise(flow), effect, narrow.features[0].conv.out_channels)
-    copy_channels(narrow.features[0].conv, stem.conv, kept)
-    copy_channels(narrow.features[1].depthwise.conv, first.depthwise.conv, kept)
-    thin, layer = narrow.features[0](photos), 1
+    kept = strongest(first.depthwise(flow), effect, thin_stem.conv.out_channels)
+    copy_channels(thin_stem.conv, stem.conv, kept)
+    copy_channels(thin_first.depthwise.conv, first.depthwise.conv, kept)
+    thin, layer = thin_stem(photos), 1
     for _, _, blocks, _ in STAGES:
         numbers = range(layer, layer + blocks)
         flows = [flow]
         for number in numbers:
             flows.append(wide.features[number](flows[-1]))
-        basis = principal(flows[1:], narrow.features[layer].project.conv.out_channels)
+        basis = principal(flows[1:], block_of(narrow, layer).project.conv.out_channels)
         for number, x, y in zip(numbers, flows, flows[1:], strict=False):
-            thin = fit_block(narrow.features[number], wide.features[number], thin, x, y, basis)
+            thin = fit_block(block_of(narrow, number), block_of(wide, number), thin, x, y, basis)
         layer, flow = layer + blocks, flows[-1]
     return basis, flow
+
+
+def ends_of(encoder: MobileNetV2Encoder) -> tuple[ConvNorm, InvertedResidual]:
+    """The stem and the first block."""
+    stem = encoder.features[0]
+    assert isinstance(stem, ConvNorm)
+    return stem, block_of(encoder, 1)
+
+
+def block_of(encoder: MobileNetV2Encoder, number: int) -> InvertedResidual:
+    """A block by its number, from 1."""
+    block = encoder.features[number]
+    assert isinstance(block, InvertedResidual)
+    return block
 
 
 def fit_block(
@@ -112,7 +126,7 @@ def fit_block(
         x, y: what flows into the wide block and out of it.
         basis: y is wanted in it.
     """
-    if isinstance(wide.expand, ConvNorm):
+    if isinstance(wide.expand, ConvNorm) and isinstance(narrow.expand, ConvNorm):
         effect = basis.T @ wide.project.conv.weight[:, :, 0, 0]
         count = narrow.depthwise.conv.out_channels
         kept = strongest(wide.depthwise(wide.expand(x)), effect, count)
@@ -121,7 +135,8 @@ def fit_block(
     wanted = torch.einsum("nchw,cf->nfhw", y, basis)
     hidden = narrow.depthwise(narrow.expand(thin))
     fit_pointwise(narrow.project.conv, hidden, wanted - thin if narrow.residual else wanted)
-    return narrow(thin)
+    out: Tensor = narrow(thin)
+    return out
 
 
 def strongest(
@@ -169,7 +184,9 @@ def least_squares(
 
 def project_latent(narrow: Generator, wide: Generator, basis: Tensor, features: Tensor) -> None:
     """The fully connected layer on the projected features; what is lost stays at its mean."""
-    weight = wide.latent.weight.unflatten(1, (len(basis), -1))  # (256, 160, 30)
+    assert isinstance(wide.latent, nn.Linear)
+    assert isinstance(narrow.latent, nn.Linear)
+    weight = wide.latent.weight.reshape(len(wide.latent.weight), len(basis), -1)  # (256, 160, 30)
     mean = features.mean(0).flatten(1)
     lost = mean - basis @ (basis.T @ mean)
     narrow.latent.weight.copy_(torch.einsum("lcp,cf->lfp", weight, basis).flatten(1))

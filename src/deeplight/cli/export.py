@@ -1,0 +1,50 @@
+"""Write a trained network as a file that phones, browsers and other programs run.
+
+deeplight export runs/mine --out mine.onnx --precision float16
+
+deeplight export mine.onnx --format tflite --precision int8 --calibrate data/sim --out mine.tflite
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `deeplight export`."""
+
+    model: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
+    """Folder of a training run, a best.safetensors, or an .onnx of deeplight."""
+    out: Path
+    """File to write."""
+    format: Literal["onnx", "tflite"] | None = None
+    """Left out, by the suffix of --out."""
+    precision: Literal["float32", "float16", "int8-weights", "int8"] = "float32"
+    """float16: weights stored in half precision, computed in float32. int8-weights: weights of 8
+    bits. int8: signals of 8 bits too, but for the decoder. The last two are TFLite's."""
+    calibrate: Path | None = None
+    """Data set whose training photos choose the integers of the two int8."""
+    photos: int = 128
+    """So many of them, evenly spread."""
+    trained_on: str = ""
+    """Of a run: what it was trained on, in words; the file keeps them."""
+
+
+def run(args: Args) -> None:
+    """Read the network, write the file, tell what it is."""
+    from rich.console import Console
+
+    from deeplight.cli.export_network import exported
+
+    console = Console(highlight=False, soft_wrap=True)
+    with console.status("exporting"):
+        contract = exported(args)
+    size = args.out.stat().st_size / 1e6
+    console.print(
+        f"{args.out}: {size:.1f} MB, {args.precision}, {contract.width} x {contract.height} photos "
+        f"-> {contract.output_size} x {contract.output_size} light",
+        markup=False,
+    )
