@@ -19,7 +19,7 @@ METHODS = ("GET", "HEAD")
 
 PERMISSIONS = (
     "camera=(self), gyroscope=(self), accelerometer=(self), magnetometer=(self), "
-    "web-share=(self), microphone=(), geolocation=(), payment=(), usb=()"
+    "microphone=(), geolocation=(), payment=(), usb=()"
 )
 
 
