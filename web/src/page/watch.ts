@@ -34,13 +34,13 @@ export class Watch {
     this.stop();
     this.picture = picture;
     if (picture.source instanceof HTMLVideoElement) {
-      this.stopFrames = onEachFrame(picture.source, () => this.frame());
+      this.stopFrames = onEachFrame(picture.source, () => this.look());
     } else {
       this.look();
     }
   }
 
-  /** Estimates a photo again, after its field of view was corrected. */
+  /** Estimates what is shown now; where one is under way, as soon as that is done. */
   look(): void {
     this.again = true;
     if (!this.busy) void this.estimate();
@@ -51,11 +51,6 @@ export class Watch {
     this.stopFrames = () => {};
     this.picture = null;
     this.again = false;
-  }
-
-  /** A frame that comes while another is estimated is dropped: a newer one follows. */
-  private frame(): void {
-    if (!this.busy) this.look();
   }
 
   private async estimate(): Promise<void> {
