@@ -73,7 +73,7 @@ def golden(content: bytes) -> dict[str, Any]:
         "cover": packed(seen.cover),
         "pictures": {name: packed(pixels(one.radiance)) for name, one in ones.items()},
         "ground": packed(ground_pixels(seen)),
-        "backdrop": float(encode(np.array(BACKDROP))),
+        "backdrop": float(encode(np.array([BACKDROP]))[0]),
     }
 
 

@@ -22,6 +22,7 @@ beforeAll(async () => {
   browser = await launch();
   page = await browser.newPage();
   if (chunk.type === "chunk") await page.addScriptTag({ type: "module", content: chunk.code });
+  await page.waitForFunction(() => "drawTransfer" in globalThis);
 });
 
 afterAll(() => browser?.close());

@@ -13,7 +13,7 @@ from deeplight.errors import ImageFileError
 from deeplight.io.atomic import replacing
 from deeplight.render.transfer import MAX_ORDER, Glossy, Shadowed, Transfer
 from deeplight.render.transfer_clusters import Clusters
-from deeplight.render.transfer_ground import MIDDLE_STEP, Ground
+from deeplight.render.transfer_ground import MIDDLE_STEP, MOST_POINTS, Ground
 from deeplight.render.transfer_mesh import MAX_VERTICES
 
 MAGIC, VERSION = b"DLPT", 1
@@ -21,7 +21,7 @@ GLOSSY, GROUND, COLOURS = 1, 2, 4  # flags
 WIDE = 4  # columns of a table that get 16 bits
 _HEADER = struct.Struct("<4sHHII4BIIHH3f3f3f2f2f12x")
 _CHECKED_FROM = 16  # the checksum covers everything behind itself
-_LIMITS = {"vertices": MAX_VERTICES, "triangles": 2_000_000, "ground": 256, "clusters": 64}
+_LIMITS = {"vertices": MAX_VERTICES, "triangles": 2_000_000, "ground": MOST_POINTS, "clusters": 64}
 
 LAYOUT: dict[str, Any] = {
     "magic": int.from_bytes(MAGIC, "little"),
@@ -197,7 +197,7 @@ def _checked(content: bytes, name: str) -> _Header:
     fits = all(counts[what] <= most for what, most in _LIMITS.items())
     some = min(vertices, triangles, order) >= 1 and flags < 8
     some = some and (not flags & GLOSSY or min(clusters, components) >= 1)
-    some = some and (not flags & GROUND or ground >= 2)
+    some = some and (not flags & GROUND or (ground >= 2 and 0 <= numbers[12] <= 1))
     if not (fits and some and order <= MAX_ORDER and np.isfinite(numbers).all()):
         raise _damaged(name, "a header with numbers out of range")
     size = _HEADER.size + sum(size + (-size) % 4 for _, size in header.sections())

@@ -15,8 +15,8 @@ from jaxtyping import Float, Float32
 from deeplight import brdf, harmonics
 from deeplight.render.transfer_rays import hemisphere
 
-_VIEWS = 600
-_FINE = 12_000  # directions to integrate over once
+_VIEWS = 300
+_FINE = 5_000  # directions to integrate over once
 _RIDGE = 1e-5  # keeps harmonics that only the unseen half would need from growing
 
 

@@ -7,7 +7,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from deeplight import harmonics
+from deeplight.errors import ConfigError
 
+MOST_POINTS = 256  # along a side
 MIDDLE_STEP = 0.4  # how far apart points are in the middle, over the mean of the map
 
 
@@ -26,6 +28,12 @@ class Ground:
     size: int = 48
     half: float = 1.6
     reflectivity: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.size <= MOST_POINTS:
+            raise ConfigError(f"2 to {MOST_POINTS} points", f"{self.size}", "correct it")
+        if not 0 <= self.reflectivity <= 1:
+            raise ConfigError("a reflectivity from 0 to 1", f"{self.reflectivity}", "correct it")
 
     @property
     def coordinates(self) -> Float[np.ndarray, "size"]:

@@ -56,9 +56,9 @@ class Solution:
         ground: of the grid's points, under the diffuse object; the last row is the open plane.
     """
 
-    diffuse: Transfers
-    glossy: Transfers | None
-    ground: Transfers
+    diffuse: Float32[np.ndarray, "vertices 1 coefficients"]
+    glossy: Float32[np.ndarray, "vertices coefficients coefficients"] | None
+    ground: Float32[np.ndarray, "points 1 coefficients"]
 
 
 def solve(
