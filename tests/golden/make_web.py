@@ -26,7 +26,7 @@ from deeplight.io import image, lighting_file
 from deeplight.lighting import LIGHTING_SIZE, Lighting
 from deeplight.relight import relight_rig
 from deeplight.render import transfer_file
-from deeplight.sphere import PAPER_RIG
+from deeplight.sphere import CROP_SIZE, PAPER_RIG
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = ROOT / "web/src/contract/generated.ts"
@@ -58,6 +58,7 @@ def constants() -> dict[str, Any]:
         "CONTRACT": asdict(ModelContract()),
         "SERVED": dict(contract.SERVED),
         "LIGHTING_SIZE": LIGHTING_SIZE,
+        "CROP_SIZE": CROP_SIZE,
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,
         "WHOLE_VIEW": WHOLE_VIEW,
         "MID_GREY": image.MID_GREY,
@@ -118,6 +119,7 @@ def light_golden() -> dict[str, Any]:
         "turned_harmonics": packed(harmonics.project(lighting.rotated(TURN))),
         "equirect_16": packed(lighting.latlong(16)),
         "spheres": {n: packed(s) for n, s in relight_rig(PAPER_RIG, lighting).items()},
+        "of_16": _light_of_16(lighting),
         "main_light": {
             "direction": packed(main.direction),
             "irradiance": packed(main.irradiance),
@@ -125,6 +127,16 @@ def light_golden() -> dict[str, Any]:
             "angular_radius_rad": main.angular_radius_rad,
             "remainder_harmonics": packed(harmonics.project(main.remainder)),
         },
+    }
+
+
+def _light_of_16(lighting: Lighting) -> dict[str, Any]:
+    """The spheres in the light of a smaller network, every fourth row and column."""
+    small = Lighting.from_latlong(lighting.latlong(), size=16)
+    spheres = relight_rig(PAPER_RIG, small)
+    return {
+        "radiance": packed(small.radiance),
+        "spheres": {name: packed(sphere[::4, ::4]) for name, sphere in spheres.items()},
     }
 
 

@@ -42,6 +42,8 @@ export const SERVED = {
 
 export const LIGHTING_SIZE = 32 as const;
 
+export const CROP_SIZE = 32 as const;
+
 export const ASSUMED_LONG_SIDE_FOV_RAD = 1.1519173063162575 as const;
 
 export const WHOLE_VIEW = 0.995 as const;

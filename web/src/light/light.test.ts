@@ -141,6 +141,12 @@ describe("the spheres", () => {
     ).toBeGreaterThan(0.02);
   });
 
+  test.each(SPHERES)("are Python's in light of 16 x 16: %s", (name) => {
+    const got = relit(name, floats(want.of_16.radiance));
+    const some = got.filter((_, i) => Math.floor(i / 96) % 4 === 0 && Math.floor(i / 3) % 4 === 0);
+    expect(relativeError(some, floats(want.of_16.spheres[name]))).toBeLessThan(2e-4);
+  });
+
   test("reflect their share of white light, and are clear around it", () => {
     const white = Lighting.fromRadiance(new Float32Array(3072).fill(1));
     const middle = 4 * (16 * 32 + 16);

@@ -3,33 +3,33 @@
  * them (reflectance.analytic_basis). The solid angle of each pixel of light is inside its weight.
  */
 import {
+  CROP_SIZE,
   LIGHTING_SIZE,
   MATTE_SILVER_ROUGHNESS,
   PAPER_RIG,
   REFLECTIVITY,
 } from "../contract/generated.ts";
 import { type Matrix3x3, transposed, turned, type Vector3 } from "./matrix.ts";
-import { coverage, pixelOfDirection, subpixels } from "./mirror-ball.ts";
+import { coverage, pixelOfDirection, type Subpixels, subpixels } from "./mirror-ball.ts";
 
 export type SphereName = keyof typeof REFLECTIVITY;
 export const SPHERES = Object.keys(REFLECTIVITY) as SphereName[];
 
-/** Side of a sphere's crop in pixels, the same as that of the light. */
-export const SPHERE_SIZE = LIGHTING_SIZE;
+/** Side of a sphere's crop in pixels. */
+export const SPHERE_SIZE: number = CROP_SIZE;
 
 /** The weights of each pixel of the crop, those that are zero left out. */
 export interface Basis {
   readonly start: Uint32Array; // of each pixel's weights; one more at the end
-  readonly light: Uint16Array; // pixel of light, times 3
+  readonly light: Uint32Array; // pixel of light, times 3
   readonly weight: Float32Array;
 }
 
-const LIGHTS = LIGHTING_SIZE ** 2;
-const bases = new Map<SphereName, Basis>();
+const bases = new Map<string, Basis>(); // by name and size of the light
 
 /** Linear radiance of a sphere, RGB; zero off the sphere (equation 1). */
 export function relit(name: SphereName, radiance: Float32Array): Float32Array {
-  const { start, light, weight } = basisOf(name);
+  const { start, light, weight } = basisOf(name, Math.sqrt(radiance.length / 3));
   const result = new Float32Array(3 * SPHERE_SIZE ** 2);
   for (let pixel = 0; pixel < SPHERE_SIZE ** 2; pixel++) {
     let red = 0;
@@ -49,22 +49,23 @@ export function relit(name: SphereName, radiance: Float32Array): Float32Array {
 }
 
 /** A sphere's basis; made when first asked for, which takes a while: see `prepareSpheres`. */
-function basisOf(name: SphereName): Basis {
-  let basis = bases.get(name);
+function basisOf(name: SphereName, lightSize: number): Basis {
+  const key = `${name} ${lightSize}`;
+  let basis = bases.get(key);
   if (basis === undefined) {
-    basis = makeBasis(name);
-    bases.set(name, basis);
+    basis = makeBasis(name, lightSize);
+    bases.set(key, basis);
   }
   return basis;
 }
 
-/** Makes all bases in a worker, so that `relit` never has to. */
+/** Makes all bases for light of the usual size in a worker, so that `relit` never has to. */
 export async function prepareSpheres(): Promise<void> {
   const worker = new Worker(new URL("./spheres-worker.ts", import.meta.url), { type: "module" });
   try {
     await new Promise<void>((done, failed) => {
       worker.onmessage = ({ data }: MessageEvent<[SphereName, Basis][]>) => {
-        for (const [name, basis] of data) bases.set(name, basis);
+        for (const [name, basis] of data) bases.set(`${name} ${LIGHTING_SIZE}`, basis);
         done();
       };
       worker.onerror = (event) => failed(new Error(event.message));
@@ -74,32 +75,33 @@ export async function prepareSpheres(): Promise<void> {
   }
 }
 
-export function makeBasis(name: SphereName): Basis {
-  const weights = { mirror, matte_silver: matteSilver, diffuse }[name]();
+export function makeBasis(name: SphereName, lightSize: number): Basis {
+  const weights = { mirror, matte_silver: matteSilver, diffuse }[name](lightSize);
+  const lights = lightSize ** 2;
   const reflectivity = REFLECTIVITY[name];
   for (let pixel = 0; pixel < SPHERE_SIZE ** 2; pixel++) {
-    const row = weights.subarray(pixel * LIGHTS, (pixel + 1) * LIGHTS);
+    const row = weights.subarray(pixel * lights, (pixel + 1) * lights);
     // A perfect diffuser's weights need no scale; the others are brought to what was measured.
     const sum = name === "diffuse" ? 1 : Math.max(total(row), 1e-9);
-    for (let light = 0; light < LIGHTS; light++) row[light]! *= reflectivity / sum;
+    for (let light = 0; light < lights; light++) row[light]! *= reflectivity / sum;
   }
-  return withoutZeros(weights);
+  return withoutZeros(weights, lights);
 }
 
-function withoutZeros(weights: Float32Array): Basis {
+function withoutZeros(weights: Float32Array, lights: number): Basis {
   const count = weights.reduce((sum, weight) => sum + (weight > 0 ? 1 : 0), 0);
   const basis = {
     start: new Uint32Array(SPHERE_SIZE ** 2 + 1),
-    light: new Uint16Array(count),
+    light: new Uint32Array(count),
     weight: new Float32Array(count),
   };
   let to = 0;
   weights.forEach((weight, i) => {
     if (weight > 0) {
-      basis.light[to] = 3 * (i % LIGHTS);
+      basis.light[to] = 3 * (i % lights);
       basis.weight[to++] = weight;
     }
-    if (i % LIGHTS === LIGHTS - 1) basis.start[(i + 1) / LIGHTS] = to;
+    if (i % lights === lights - 1) basis.start[(i + 1) / lights] = to;
   });
   return basis;
 }
@@ -109,8 +111,8 @@ function total(values: Float32Array): number {
 }
 
 /** Counts which pixel of light each of 8 x 8 places in a pixel shows. */
-function mirror(): Float32Array {
-  const weights = new Float32Array(LIGHTS * SPHERE_SIZE ** 2);
+function mirror(lightSize: number): Float32Array {
+  const weights = new Float32Array((lightSize * SPHERE_SIZE) ** 2);
   eachPlace(8, (pixel, u, v) => {
     if (Math.hypot(u, v) > 1) return;
     const { normal, view } = surface("mirror", u, v);
@@ -120,18 +122,18 @@ function mirror(): Float32Array {
       along * normal[1] - view[1],
       along * normal[2] - view[2],
     ];
-    weights[pixel * LIGHTS + pixelOfDirection(shown, LIGHTING_SIZE)]! += 1;
+    weights[pixel * lightSize ** 2 + pixelOfDirection(shown, lightSize)]! += 1;
   });
   return weights;
 }
 
 /** Lambert's cosine at 2 x 2 places in each pixel. */
-function diffuse(): Float32Array {
-  const weights = new Float32Array(LIGHTS * SPHERE_SIZE ** 2);
-  const { pixel: light, direction, solidAngle } = subpixels(LIGHTING_SIZE);
+function diffuse(lightSize: number): Float32Array {
+  const weights = new Float32Array((lightSize * SPHERE_SIZE) ** 2);
+  const { pixel: light, direction, solidAngle } = lightPlaces(lightSize);
   eachPlace(2, (pixel, u, v) => {
     const [x, y, z] = surface("diffuse", u, v).normal;
-    const row = weights.subarray(pixel * LIGHTS, (pixel + 1) * LIGHTS);
+    const row = weights.subarray(pixel * lightSize ** 2, (pixel + 1) * lightSize ** 2);
     for (let i = 0; i < light.length; i++) {
       const cosine = x * direction[3 * i]! + y * direction[3 * i + 1]! + z * direction[3 * i + 2]!;
       if (cosine > 0) row[light[i]!]! += (cosine * solidAngle[i]!) / (4 * Math.PI);
@@ -141,15 +143,15 @@ function diffuse(): Float32Array {
 }
 
 /** GGX microfacets at the middle of each pixel (brdf.rough_specular). */
-function matteSilver(): Float32Array {
-  const weights = new Float32Array(LIGHTS * SPHERE_SIZE ** 2);
-  const { pixel: light, direction, solidAngle } = subpixels(LIGHTING_SIZE);
+function matteSilver(lightSize: number): Float32Array {
+  const weights = new Float32Array((lightSize * SPHERE_SIZE) ** 2);
+  const { pixel: light, direction, solidAngle } = lightPlaces(lightSize);
   const a2 = MATTE_SILVER_ROUGHNESS ** 2;
   eachPlace(1, (pixel, u, v) => {
     const { normal, view } = surface("matte_silver", u, v);
     const nv = dot(normal, view);
     const seen = smith(nv, a2) / (4 * Math.max(nv, 1e-4));
-    const row = weights.subarray(pixel * LIGHTS, (pixel + 1) * LIGHTS);
+    const row = weights.subarray(pixel * lightSize ** 2, (pixel + 1) * lightSize ** 2);
     for (let i = 0; i < light.length; i++) {
       const [x, y, z] = [direction[3 * i]!, direction[3 * i + 1]!, direction[3 * i + 2]!];
       const nl = normal[0] * x + normal[1] * y + normal[2] * z;
@@ -161,6 +163,11 @@ function matteSilver(): Float32Array {
     }
   });
   return weights;
+}
+
+/** As finely spread over small balls as the paper's 4 x 4 over each pixel of 32. */
+function lightPlaces(lightSize: number): Subpixels {
+  return subpixels(lightSize, Math.max(1, Math.ceil((4 * LIGHTING_SIZE) / lightSize)));
 }
 
 /** Share of microfacets that a direction sees. */
