@@ -18,7 +18,7 @@ pytest.importorskip("embreex")
 # Of the two, per pixel: the largest bias of the object as a share of its mean, the largest RMS
 # difference of the object and of the shadow. Mitsuba's own noise is in both.
 QUICK = (40, 32, {"diffuse": (0.03, 0.15, 0.15), "glossy": (0.04, 0.18, 0.15)})
-THOROUGH = (90, 384, {"diffuse": (0.01, 0.05, 0.05), "glossy": (0.03, 0.09, 0.05)})
+THOROUGH = (80, 768, {"diffuse": (0.01, 0.04, 0.03), "glossy": (0.03, 0.09, 0.06)})
 
 
 @pytest.fixture(scope="module")
@@ -61,13 +61,21 @@ def differences(
 
 
 @pytest.mark.parametrize("finish", ["diffuse", "glossy"])
-@pytest.mark.parametrize("work", [QUICK, pytest.param(THOROUGH, marks=pytest.mark.slow)])
-def test_pixels_are_the_path_tracers(
-    bunny: Transfer, light: np.ndarray, finish: str, work: tuple[int, int, dict[str, tuple]]
-) -> None:
-    size, samples, limits = work
+def test_pixels_are_the_path_tracers(bunny: Transfer, light: np.ndarray, finish: str) -> None:
+    size, samples, limits = QUICK
     found = differences(bunny, light, finish, size, samples)
     assert (np.array(found) < limits[finish]).all(), found
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_pixels_of_a_finer_bunny_are_nearer(light: np.ndarray) -> None:
+    size, samples, limits = THOROUGH
+    settings = Settings(samples=512, bounces=3, longest_edge=1.0)
+    bunny = precompute([Mesh(*shapes.bunny(40))], settings)[0]
+    for finish in ("diffuse", "glossy"):
+        found = differences(bunny, light, finish, size, samples)
+        assert (np.array(found) < limits[finish]).all(), found
 
 
 def test_without_bounces_or_in_other_light_they_are_not(bunny: Transfer, light: np.ndarray) -> None:
