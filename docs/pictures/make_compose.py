@@ -27,7 +27,7 @@ WIDTH = 300
 def main() -> None:
     rows = [strip(name) for name in ("meadow.jpg", "canteen.jpg")]
     write("compose.jpg", np.concatenate(rows))
-    write("compose_below.jpg", below("meadow.jpg"))
+    write("compose_below.jpg", below("canteen.jpg"))
 
 
 def strip(name: str) -> np.ndarray:
@@ -38,21 +38,24 @@ def strip(name: str) -> np.ndarray:
 
 
 def below(name: str) -> np.ndarray:
-    """Light from below: the surface's, and the estimate's; the object cut out and enlarged."""
+    """What lights from below: the photo's own surface, one colour, the estimate; enlarged."""
     tiles = []
-    for text, from_estimate in (("below: the surface", False), ("below: the estimate", True)):
-        composed = made(name, [Item("sphere", "mirror")], from_estimate)
+    for text, changes in (
+        ("the surface, as the photo shows it", {}),
+        ("the surface, one colour", {"texture": False}),
+        ("the estimate", {"light_from_below": True}),
+    ):
+        composed = made(name, [Item("sphere", "mirror")], **changes)
         height, width, _ = composed.composite.pixels.shape
         part = composed.composite.pixels[int(0.44 * height) : int(0.70 * height), width // 4 :]
-        tile = Image.fromarray(part[:, : width // 2]).resize(
-            (WIDTH, WIDTH * len(part) * 2 // width)
-        )
+        size = (WIDTH, WIDTH * len(part) * 2 // width)
+        tile = Image.fromarray(part[:, : width // 2]).resize(size, Image.Resampling.LANCZOS)
         ImageDraw.Draw(tile).text((8, 6), text, "white")
         tiles.append(np.asarray(tile))
     return np.concatenate(tiles, axis=1)
 
 
-def made(name: str, items: list[Item], light_from_below: bool = False) -> Composed:
+def made(name: str, items: list[Item], **changes: bool) -> Composed:
     photo = read_photo(PHOTOS / name)
     estimate = default_estimator().explain(photo)
     height, width, _ = photo.pixels.shape
@@ -62,7 +65,7 @@ def made(name: str, items: list[Item], light_from_below: bool = False) -> Compos
         estimate.lighting.latlong(),
         Viewpoint(camera, pitch_rad=PITCH_RAD),
         items,
-        Settings(QUALITY, "scalar", light_from_below=light_from_below),
+        Settings(QUALITY, "scalar", **changes),
         estimate.framing.bottom,
     )
 

@@ -78,12 +78,13 @@ def texture_of(
     steps = ((np.arange(fine) + 0.5) / fine * 2 - 1) * half_side
     x, z = np.meshgrid(centre[0] + steps, centre[1] - steps)  # the first row is the nearest
     seen = viewpoint.pixels(np.stack([x, np.zeros_like(x), z], -1).reshape(-1, 3))
-    weight = _known(seen, photo.shape[1], photo.shape[0]).reshape(fine, fine)
     rim = np.clip((1 - np.abs(steps) / half_side) / _FADING, 0, 1)
-    weight = (weight * np.minimum(rim[:, None], rim))[..., None]
-    radiance = _looked_up(radiance_of(photo), seen).reshape(fine, fine, 3)
-    albedo = surface.albedo * radiance / np.maximum(surface.radiance, 1e-4)
-    albedo = np.clip(albedo, 0, ALBEDO_LIMITS[1]) * weight + surface.albedo * (1 - weight)
+    weight = _known(seen, photo.shape[1], photo.shape[0]) * np.minimum(rim[:, None], rim).ravel()
+    known = weight > 0
+    albedo = np.tile(surface.albedo, (fine * fine, 1))
+    relative = _looked_up(photo, seen[known]) / np.maximum(surface.radiance, 1e-4)
+    shown = np.clip(surface.albedo * relative, 0, ALBEDO_LIMITS[1])
+    albedo[known] += (shown - surface.albedo) * weight[known, None]
     mean = albedo.reshape(_TEXELS, 2, _TEXELS, 2, 3).mean((1, 3))
     return Texture((float(centre[0]), float(centre[1])), half_side, mean.astype(np.float32))
 
@@ -97,19 +98,22 @@ def _known(pixels: Float[np.ndarray, "n 2"], width: int, height: int) -> Float[n
 
 
 def _looked_up(
-    radiance: Float[np.ndarray, "height width 3"], pixels: Float[np.ndarray, "n 2"]
+    photo: UInt8[np.ndarray, "height width 3"], pixels: Float[np.ndarray, "n 2"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Bilinear; outside the photo its edge goes on."""
-    height, width, _ = radiance.shape
-    at = np.nan_to_num(pixels, nan=0.0) - 0.5
-    at = np.clip(at, 0, [width - 1, height - 1])
+    """Radiance between the photo's pixels, bilinear; outside, its edge goes on."""
+    height, width, _ = photo.shape
+    levels = np.repeat(np.arange(256, dtype=np.uint8)[:, None, None], 3, axis=2)
+    table = radiance_of(levels)[:, 0]
+    at = np.clip(pixels - 0.5, 0, [width - 1, height - 1])
     first = np.minimum(at.astype(int), [max(width - 2, 0), max(height - 2, 0)])
-    across, down = (at - first).T[..., None]
-    left, top = first.T
+    (across, down), (left, top) = (at - first).T[..., None], first.T
     right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    upper = radiance[top, left] * (1 - across) + radiance[top, right] * across
-    lower = radiance[bottom, left] * (1 - across) + radiance[bottom, right] * across
-    found: np.ndarray = upper * (1 - down) + lower * down
+    colours = np.arange(3)
+    rows = [
+        table[photo[row, left], colours] * (1 - across) + table[photo[row, right], colours] * across
+        for row in (top, bottom)
+    ]
+    found: np.ndarray = rows[0] * (1 - down) + rows[1] * down
     return found
 
 
