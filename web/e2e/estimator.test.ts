@@ -3,10 +3,16 @@ import { readFileSync } from "node:fs";
 import { type Browser, chromium, type Page } from "playwright-core";
 import { createServer, type ViteDevServer } from "vite";
 import { afterAll, beforeAll, expect, test } from "vitest";
+import { CellMeans } from "../src/estimate/cell-means.ts";
+import { contractOf } from "../src/estimate/contract.ts";
+import { framePhoto } from "../src/estimate/framing.ts";
+import { Network } from "../src/estimate/network.ts";
 import type { Harness } from "../tests/browser/harness.ts";
 import { floats, golden, largestError } from "../tests/golden.ts";
+import { noise } from "../tests/noise.ts";
 
 const MODEL = new URL("../../src/deeplight/weights/deeplight.onnx", import.meta.url);
+const model = new Uint8Array(readFileSync(MODEL));
 const want = golden("photo");
 let server: ViteDevServer;
 let browser: Browser;
@@ -35,6 +41,24 @@ test("gives Python's light within 2e-3 in log radiance", async () => {
   const { rgb, width, height } = want.photo;
   const got = await call("logRadiance", rgb, width, height);
   expect(largestError(got, floats(want.log_radiance))).toBeLessThan(2e-3);
+});
+
+test.each([
+  [720, 1280],
+  [1919, 1081], // lying, and more than one strip
+])("loses nothing of a frame of %i x %i on its way through the canvas", async (width, height) => {
+  const contract = contractOf(model);
+  const means = new CellMeans(framePhoto(height, width, undefined, contract));
+  const rows = noise(width, height);
+  for (let row = means.top; row < means.top + means.height; row++) {
+    const start = 4 * (row * width + means.left);
+    means.add(rows.slice(start, start + 4 * means.width), row);
+  }
+  const network = await Network.open(model);
+  const want = await network.logRadiance(means.planes(contract.input_low, contract.input_high));
+  const error = largestError(await call("ofNoise", width, height), want);
+  console.log(`${width} x ${height}: largest difference in log radiance ${error}`);
+  expect(error).toBeLessThan(1e-4);
 });
 
 test("knows which model it runs", async () => {
@@ -98,12 +122,11 @@ function call<K extends keyof Harness>(
 
 /** Answers for model files that are not there: damaged, of another version, a web page. */
 async function serveModels(target: Page): Promise<void> {
-  const model = readFileSync(MODEL);
   const old = Buffer.from(model);
   old.write('"version": 2,', old.indexOf('"version": 1,'));
   const bodies: Record<string, Buffer> = {
-    "plain.onnx": model,
-    "cut.onnx": model.subarray(0, 2_000_000),
+    "plain.onnx": Buffer.from(model),
+    "cut.onnx": Buffer.from(model).subarray(0, 2_000_000),
     "page.onnx": Buffer.from("<!doctype html><title>Not found</title>"),
     "version-2.onnx": old,
   };

@@ -1,6 +1,8 @@
 /** What the browser tests call: the estimator, on frames made from plain pixels. */
+
 import { EstimateError } from "../../src/estimate/errors.ts";
 import { Estimator } from "../../src/estimate/estimator.ts";
+import { noise } from "../noise.ts";
 
 const estimators: Estimator[] = [];
 
@@ -25,6 +27,12 @@ const harness = {
   async logRadiance(base64: string, width: number, height: number): Promise<number[]> {
     const estimate = await newest().estimate(await bitmap(base64, width, height));
     return Array.from(estimate!.lighting.logRadiance);
+  },
+
+  /** Of a frame of noise, made on both sides by the same rule. */
+  async ofNoise(width: number, height: number): Promise<number[]> {
+    const frame = await createImageBitmap(new ImageData(noise(width, height), width, height));
+    return Array.from((await newest().estimate(frame))!.lighting.logRadiance);
   },
 
   /** Sends frames faster than they can be estimated; tells which came through. */

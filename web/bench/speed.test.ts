@@ -1,0 +1,80 @@
+/**
+ * What an estimate and what is done with it cost on one core, in the JavaScript engine of Chromium:
+ * npm run bench. Processor time, so that other work on the machine counts less.
+ */
+import { readFileSync } from "node:fs";
+import { beforeAll, test } from "vitest";
+import { CONTRACT } from "../src/contract/generated.ts";
+import { CellMeans } from "../src/estimate/cell-means.ts";
+import { framePhoto } from "../src/estimate/framing.ts";
+import { Network } from "../src/estimate/network.ts";
+import { Lighting } from "../src/light/lighting.ts";
+import { IDENTITY } from "../src/light/matrix.ts";
+import { Smoother } from "../src/light/smoother.ts";
+import { relit, SPHERES } from "../src/light/spheres.ts";
+import { floats, golden } from "../tests/golden.ts";
+
+const WARM_UP = 10;
+const radiance = floats(golden("light").radiance);
+const turn = golden("light").turn;
+
+test("the network", async () => {
+  const model = new URL("../../src/deeplight/weights/deeplight.onnx", import.meta.url);
+  const network = await Network.open(new Uint8Array(readFileSync(model)));
+  const planes = new Float32Array(3 * CONTRACT.height * CONTRACT.width);
+  await told("one run of the network", 100, () => network.logRadiance(planes));
+});
+
+test.each([
+  [720, 1280],
+  [1080, 1920],
+  [3024, 4032],
+])("the pixels of a frame of %i x %i", async (width, height) => {
+  const framing = framePhoto(height, width, undefined, CONTRACT);
+  const part = new CellMeans(framing);
+  const pixels = new Uint8ClampedArray(4 * part.width * part.height).map((_, i) => i * 7);
+  await told(`averages of ${width} x ${height}`, width > 2000 ? 5 : 50, () => {
+    const means = new CellMeans(framing);
+    means.add(pixels, means.top);
+    means.planes(CONTRACT.input_low, CONTRACT.input_high);
+  });
+});
+
+test("what is made of a light", async () => {
+  const each: [string, (light: Lighting) => unknown][] = [
+    ["harmonics of order 4", (light) => light.harmonics(4)],
+    ["main light", (light) => light.mainLight()],
+    ["turned", (light) => light.turned(turn)],
+    ["panorama of 128 rows", (light) => light.equirect(128)],
+    ["the same, quick", (light) => light.quickEquirect(128)],
+    ...SPHERES.map((name): [string, (light: Lighting) => unknown] => [
+      `sphere: ${name}`,
+      (light) => relit(name, light.radiance()),
+    ]),
+  ];
+  for (const [name, make] of each) {
+    await told(name, 20, () => make(Lighting.fromRadiance(radiance)));
+  }
+  const smoother = new Smoother();
+  const light = Lighting.fromRadiance(radiance);
+  let time = 0;
+  await told("smoothed, camera still", 50, () => smoother.next(light, time++, IDENTITY));
+});
+
+beforeAll(() => {
+  console.log(`node ${process.version}; milliseconds of processor time: fastest, median`);
+});
+
+async function told(name: string, count: number, act: () => unknown): Promise<void> {
+  for (let i = 0; i < Math.min(WARM_UP, count); i++) await act();
+  const times: number[] = [];
+  for (let i = 0; i < count; i++) {
+    const before = process.cpuUsage();
+    await act();
+    const { user, system } = process.cpuUsage(before);
+    times.push((user + system) / 1000);
+  }
+  times.sort((a, b) => a - b);
+  const shown = [times[0]!, times[count >> 1]!].map((ms) => ms.toFixed(1).padStart(7));
+  console.log(`${name.padEnd(28)} ${shown.join("")}`);
+}
