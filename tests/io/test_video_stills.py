@@ -177,7 +177,7 @@ def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     empty = tmp_path / "empty.mp4"
     empty.touch()
     huge = film(tmp_path / "huge.mp4", "libx264")
-    monkeypatch.setattr("deeplight.io.video.MAX_PHOTO_PIXELS", WIDTH * HEIGHT - 1)
+    monkeypatch.setattr("deeplight.io.video.MAX_VIDEO_PIXELS", WIDTH * HEIGHT - 1)
     for path, told in ((silent, "without video"), (empty, "0 bytes"), (huge, "64 x 96")):
         for read in (facts, lambda p: list(stills(p))):
             with pytest.raises(ImageFileError, match=told) as caught:

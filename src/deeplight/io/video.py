@@ -15,11 +15,14 @@ from jaxtyping import UInt8, UInt16
 from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io import video_colour
-from deeplight.io.image import MAX_PHOTO_PIXELS, MIN_SIDE, Photo
+from deeplight.io.image import MIN_SIDE, Photo
 from deeplight.io.image_file import check_size, damaged, first_bytes
 
 if TYPE_CHECKING:
     import av
+
+MAX_VIDEO_PIXELS = 36_000_000
+"""Of a frame: 8K has 33 million. Some frames are in memory at once, so less than of a photo."""
 
 VIDEO_SUFFIXES = frozenset(".avi .m4v .mkv .mov .mp4 .mpg .webm".split())
 
@@ -138,11 +141,14 @@ def stills(path: Path | str) -> Iterator[Still]:
         MissingExtraError: the `capture` extra is not installed.
     """
     path = Path(path)
-    count = 0
+    count, size = 0, None
     with _opened(path) as container:
         rate = container.streams.video[0].average_rate
         for frame in _decoded(container, path):
             _check(path, frame.width, frame.height)
+            size = size or (frame.width, frame.height)
+            if size != (frame.width, frame.height):
+                raise damaged(path, "its frames change their size")
             time_s = count / float(rate or 30) if frame.pts is None else frame.time
             yield Still(count, time_s, frame)
             count += 1
@@ -190,12 +196,18 @@ def _opened(path: Path) -> Iterator["av.container.InputContainer"]:
         import av
     except ImportError as error:
         raise MissingExtraError("capture", f"reading {path.name}") from error
+    # FFmpeg looks into a few frames already when it opens a file, and a header may lie.
+    limit = {"max_pixels": str(MAX_VIDEO_PIXELS)}
     try:
-        with av.open(str(path)) as container:
+        with av.open(str(path), options=limit) as container:
             if not container.streams.video:
                 raise _no_video(path)
             stream = container.streams.video[0]
-            check_size(path, stream.width, stream.height, MAX_PHOTO_PIXELS)
+            check_size(path, stream.width, stream.height, MAX_VIDEO_PIXELS)
+            if not stream.width:
+                expected = f"a video of at most {MAX_VIDEO_PIXELS / 1e6:.0f} megapixels a frame"
+                raise ImageFileError(expected, f"{path}, larger or damaged", "make it smaller")
+            stream.codec_context.options = limit
             stream.thread_type = "AUTO"
             # 0 is as many as there are cores; a worker beside others is told to keep to one.
             stream.codec_context.thread_count = int(os.environ.get("OMP_NUM_THREADS") == "1")
@@ -234,7 +246,7 @@ def _no_video(path: Path) -> ImageFileError:
 
 
 def _check(path: Path, width: int, height: int) -> None:
-    check_size(path, width, height, MAX_PHOTO_PIXELS)
+    check_size(path, width, height, MAX_VIDEO_PIXELS)
     if min(width, height) < MIN_SIDE:
         expected = f"a video of at least {MIN_SIDE} pixels a side"
         raise ImageFileError(expected, f"{path} of {width} x {height}", "use a larger video")
