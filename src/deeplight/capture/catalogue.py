@@ -4,7 +4,6 @@ A table in CSV names them (columns clip, place, scene, split; optional licence).
 simulated clip's truth beside it is asked, never for geometry; every other clip is its own place.
 """
 
-import csv
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from deeplight.dataset import SPLITS
 from deeplight.dataset.example import SCENES
 from deeplight.dataset.splits import check_places
 from deeplight.errors import ConfigError, DataSetError
+from deeplight.io.table import read_table
 from deeplight.io.video import is_video
 
 COLUMNS = ("clip", "place", "scene", "split")
@@ -58,6 +58,7 @@ def find_clips(
 
     Raises:
         ConfigError: no clip, or two of one name.
+        OSError: the table cannot be read.
         DataSetError: a broken table, or a place that is both trained on and held out.
     """
     if scene not in SCENES:
@@ -70,7 +71,9 @@ def find_clips(
             raise ConfigError("clips of different names, for their reports", got, "rename one")
     if not found:
         raise ConfigError("at least one clip or folder of clips", "none", "name one")
-    rows = {} if table is None else _rows(table)
+    rows = {}
+    if table is not None:
+        rows = {Path(row["clip"]).name: row for row in read_table(table, COLUMNS)}
     clips = tuple(_known(path, rows, table is not None, scene) for _, path in sorted(found.items()))
     places: dict[str, set[str]] = {}
     for clip in clips:
@@ -118,16 +121,3 @@ def _split(word: str, scene: str) -> str:
     if split not in SPLITS or (split != "train" and not split.endswith(scene)):
         raise ValueError(f"split {word!r} of an {scene} clip")
     return split
-
-
-def _rows(table: Path) -> dict[str, dict[str, str]]:
-    try:
-        with table.open(newline="", encoding="utf-8-sig") as file:  # as spreadsheets write it
-            rows = list(csv.DictReader(file))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataSetError(f"a CSV table in UTF-8 in {table}", f"{error}", "repair it") from None
-    for row in rows:
-        if any(not row.get(column) for column in COLUMNS):
-            expected = f"columns {', '.join(COLUMNS)} in every row of {table}"
-            raise DataSetError(expected, f"{row}", "complete it")
-    return {Path(row["clip"]).name: row for row in rows}

@@ -1,6 +1,5 @@
 """Places to film in: HDR panoramas, where they were taken, and which split they belong to."""
 
-import csv
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from deeplight import latlong, resample
 from deeplight.dataset.example import SCENES
 from deeplight.errors import DataSetError, ImageFileError
 from deeplight.io.hdr import read_hdr
+from deeplight.io.table import read_table
 
 MANIFEST = "manifest.csv"
 SUFFIXES = (".exr", ".hdr")
@@ -116,16 +116,7 @@ _CAPS = (slice(0, 10), slice(-10, None))
 
 
 def _listed(manifest: Path) -> Iterator[Place]:
-    try:
-        with manifest.open(newline="", encoding="utf-8-sig") as file:  # as spreadsheets write it
-            rows = list(csv.DictReader(file))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataSetError(f"a CSV table in UTF-8 in {manifest}", f"{error}", "repair it") from None
-    for row in rows:
-        if any(not row.get(column) for column in _COLUMNS):
-            raise DataSetError(
-                f"columns {', '.join(_COLUMNS)} in every row of {manifest}", f"{row}", "complete it"
-            )
+    for row in read_table(manifest, _COLUMNS):
         for column, allowed in _VALUES.items():
             if row[column] not in allowed:
                 expected = f"{column} of {', '.join(allowed)} in {manifest}"
