@@ -51,18 +51,49 @@ export class CellMeans {
   /** Adds whole rows of the part that matters, RGBA, from `row` of the photo on, in order. */
   add(rgba: Uint8ClampedArray, row: number): void {
     const pixels = new Uint32Array(rgba.buffer, rgba.byteOffset, rgba.byteLength / 4);
-    const { first, last, firstWeight, lastWeight } = this.#rows;
-    for (let start = 0, at = row; start < pixels.length; start += this.width, at++) {
-      for (; this.#present < first.length && last[this.#present]! < at; this.#present++) {
+    const end = row + pixels.length / this.width;
+    for (let at = row; at < end; ) {
+      const start = (at - row) * this.width;
+      for (; this.#present < this.#rows.last.length && this.#rows.last[this.#present]! < at; ) {
         this.#flush();
+        this.#present++;
       }
-      for (let cell = this.#present; cell < first.length && first[cell]! <= at; cell++) {
-        const weight =
-          at === first[cell] ? firstWeight[cell]! : at === last[cell] ? lastWeight[cell]! : 1;
-        if (weight === 1) this.#addWhole(pixels, start);
-        else this.#addPart(pixels, start, cell, weight);
+      if (Math.min(end - at, this.#wholeRowsFrom(at)) >= 4) {
+        this.#makeRoom(4);
+        addFourRows(this.#whole, pixels, start);
+        at += 4;
+      } else {
+        this.#addToEach(pixels, start, at);
+        at++;
       }
     }
+  }
+
+  /** Adds a row to every row of cells that has a part of it. */
+  #addToEach(pixels: Uint32Array, start: number, at: number): void {
+    const { first, last, firstWeight, lastWeight } = this.#rows;
+    for (let cell = this.#present; cell < first.length && first[cell]! <= at; cell++) {
+      const weight =
+        at === first[cell] ? firstWeight[cell]! : at === last[cell] ? lastWeight[cell]! : 1;
+      if (weight === 1 && cell === this.#present) {
+        this.#makeRoom(1);
+        addRow(this.#whole, pixels, start);
+      } else {
+        clear(this.#part);
+        addRow(this.#part, pixels, start);
+        this.#addColumns(this.#part, cell, weight);
+      }
+    }
+  }
+
+  /** How many rows from this one on lie wholly in the present row of cells, and in no other. */
+  #wholeRowsFrom(at: number): number {
+    const { first, last, firstWeight, lastWeight } = this.#rows;
+    const cell = this.#present;
+    if (cell >= first.length || at < first[cell]! + (firstWeight[cell] === 1 ? 0 : 1)) return 0;
+    const isAlone = cell + 1 === first.length || first[cell + 1]! > last[cell]!;
+    const shared = isAlone && lastWeight[cell] === 1 ? 0 : 1;
+    return last[cell]! + 1 - shared - at;
   }
 
   /** Red, green and blue planes, with pixel value 0 at `low` and 255 at `high`. */
@@ -78,16 +109,10 @@ export class CellMeans {
     return result;
   }
 
-  #addWhole(pixels: Uint32Array, start: number): void {
-    addRow(this.#whole, pixels, start);
-    this.#wholeRows++;
-    if (this.#wholeRows === PACKED) this.#flush();
-  }
-
-  #addPart(pixels: Uint32Array, start: number, cell: number, weight: number): void {
-    clear(this.#part);
-    addRow(this.#part, pixels, start);
-    this.#addColumns(this.#part, cell, weight);
+  /** Before the sums of whole rows overflow they are taken into the cells. */
+  #makeRoom(rows: number): void {
+    if (this.#wholeRows + rows > PACKED) this.#flush();
+    this.#wholeRows += rows;
   }
 
   #flush(): void {
@@ -130,7 +155,20 @@ function clear({ redBlue, green }: Sums): void {
   green.fill(0);
 }
 
-/** Nearly all the time goes here: once per pixel of the photo. */
+/** Nearly all the time goes here; four at once is twice as fast as one by one. */
+function addFourRows({ redBlue, green }: Sums, pixels: Uint32Array, start: number): void {
+  const width = green.length;
+  for (let i = 0, at = start; i < width; i++, at++) {
+    const a = pixels[at]!;
+    const b = pixels[at + width]!;
+    const c = pixels[at + 2 * width]!;
+    const d = pixels[at + 3 * width]!;
+    redBlue[i] = redBlue[i]! + (a & 0xff00ff) + (b & 0xff00ff) + (c & 0xff00ff) + (d & 0xff00ff);
+    green[i] =
+      green[i]! + ((a >>> 8) & 0xff) + ((b >>> 8) & 0xff) + ((c >>> 8) & 0xff) + ((d >>> 8) & 0xff);
+  }
+}
+
 function addRow({ redBlue, green }: Sums, pixels: Uint32Array, start: number): void {
   const width = green.length;
   for (let i = 0; i < width; i++) {

@@ -2,6 +2,7 @@
 import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, test } from "vitest";
 import { bytes, floats, golden, largestError } from "../../tests/golden.ts";
+import { noise } from "../../tests/noise.ts";
 import { CONTRACT } from "../contract/generated.ts";
 import { CellMeans } from "./cell-means.ts";
 import { type Contract, contractOf } from "./contract.ts";
@@ -52,6 +53,35 @@ describe("cell means", () => {
     const framing = framePhoto(20, 30, 0.2, contract);
     const got = averaged(withAlpha(new Uint8Array(3 * 600).fill(51)), framing, 7);
     expect(largestError(got, new Float32Array(got.length).fill(0.2 - 0.5))).toBeLessThan(1e-6);
+  });
+
+  test("of the trained frame are its 8 x 8 boxes", () => {
+    const pixels = noise(1080, 1920);
+    const got = averaged(pixels, framePhoto(1920, 1080, undefined, contract), 700);
+    for (const [row, column] of [
+      [0, 0],
+      [191, 134],
+      [87, 3],
+      [100, 100],
+    ] as const) {
+      for (let c = 0; c < 3; c++) {
+        let sum = 0;
+        for (let i = 0; i < 64; i++) {
+          const [y, x] = [8 * row + (i >> 3), 8 * column + (i & 7)];
+          sum += pixels[4 * (1080 * y + x) + c]!;
+        }
+        expect(got[(c * 192 + row) * 135 + column]).toBeCloseTo(sum / 64 / 255 - 0.5, 6);
+      }
+    }
+  });
+
+  test("do not depend on how the photo is cut into strips", () => {
+    const pixels = noise(300, 501);
+    const framing = framePhoto(501, 300, 0.4, contract);
+    const whole = averaged(pixels, framing, 501);
+    for (const rows of [1, 3, 50]) {
+      expect(largestError(averaged(pixels, framing, rows), whole)).toBeLessThan(1e-6);
+    }
   });
 
   test("of very wide cells do not overflow", () => {
