@@ -4,6 +4,7 @@ Two passes over the file, so that memory does not grow with its length: the firs
 frame and finds the spheres, the second converts only the frames that are kept.
 """
 
+import math
 import re
 from collections.abc import Generator, Iterator
 from contextlib import closing
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
+from deeplight.camera import PinholeCamera
 from deeplight.capture.catalogue import Clip
 from deeplight.capture.choice import ChoiceSettings, Chooser, causes_by_log
 from deeplight.capture.locate import locate
@@ -26,7 +27,7 @@ from deeplight.dataset import Example, ExampleMeta
 from deeplight.dataset.splits import TRAINING_SPLITS
 from deeplight.errors import DataSetError, InputError
 from deeplight.io.video import Still, VideoFacts, facts, stills
-from deeplight.preprocess import Framing, frame_photo
+from deeplight.preprocess import ASSUMED_LONG_SIDE_FOV_RAD, Framing, frame_photo
 from deeplight.sphere import Rig
 
 Picture = UInt8[np.ndarray, "height width 3"]
@@ -42,14 +43,12 @@ class CaptureSettings:
     Attributes:
         locate: how to find the spheres.
         choice: which frames to keep.
-        vertical_fov_rad: of the upright full frame.
-        fov_given: somebody said so; else it is the default.
+        vertical_fov_rad: of the upright full frame; None if nobody said so.
     """
 
     locate: LocateSettings = field(default_factory=LocateSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
-    vertical_fov_rad: float = TRAINED_VERTICAL_FOV_RAD
-    fov_given: bool = False
+    vertical_fov_rad: float | None = None
 
 
 @dataclass(eq=False)
@@ -58,6 +57,7 @@ class Account:
 
     Attributes:
         clip, video: which, and what its header says.
+        camera: of the upright frame, as it was taken.
         log: a row for each frame that was read.
         chooser: the fate of each frame.
         located: the rig, if it was found; `rig_name` is its name in the data set.
@@ -69,6 +69,7 @@ class Account:
 
     clip: Clip
     video: VideoFacts | None = None
+    camera: PinholeCamera | None = None
     log: QualityLog = field(default_factory=QualityLog)
     chooser: Chooser | None = None
     located: Located | None = None
@@ -131,11 +132,12 @@ def _look_through(account: Account, settings: CaptureSettings) -> PinholeCamera:
         account.video = video = facts(path)
     except OSError as error:
         raise _unreadable(path, error) from error
-    camera = PinholeCamera(video.width, video.height, settings.vertical_fov_rad)
-    if video.width > video.height and not settings.fov_given:
+    fov_rad = settings.vertical_fov_rad or assumed_vertical_fov_rad(video.width, video.height)
+    account.camera = camera = PinholeCamera(video.width, video.height, fov_rad)
+    if video.width > video.height and not settings.vertical_fov_rad:
         account.warnings.append(
-            f"a landscape clip, taken to see {np.degrees(camera.vertical_fov_rad):.0f} degrees "
-            "vertically; a phone held sideways sees about 40: give --fov"
+            f"a clip wider than high, taken to see {np.degrees(ASSUMED_LONG_SIDE_FOV_RAD):.0f} "
+            f"degrees from left to right, {np.degrees(fov_rad):.1f} vertically; else give --fov"
         )
     account.located = locate(account.log.watch(_read(path)), camera, settings.locate)
     account.overlay = account.located.overlay
@@ -170,6 +172,13 @@ def _examples(account: Account, camera: PinholeCamera, rig: Rig) -> Iterator[Exa
                 _meta(account, still, rig),
                 lighting.get(still.number),
             )
+
+
+def assumed_vertical_fov_rad(width: int, height: int) -> float:
+    """What `preprocess` assumes, too: a phone's 66 degrees lie along the long side of the frame."""
+    if width <= height:
+        return ASSUMED_LONG_SIDE_FOV_RAD
+    return 2 * math.atan(height / width * math.tan(ASSUMED_LONG_SIDE_FOV_RAD / 2))
 
 
 def background_framing(camera: PinholeCamera) -> Framing:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from deeplight.camera import PinholeCamera
 from deeplight.capture.choice import CAUSES
 from deeplight.capture.clip import Account
 from deeplight.dataset.contact_sheet import enlarged
@@ -80,6 +81,7 @@ def described(account: Account) -> dict[str, Any]:
             "codec": video.codec,
             "transfer": video.transfer,
             "rotation_deg": video.rotation_deg,
+            "vertical_fov_deg": account.camera and round(_fov_deg(account.camera), 3),
         },
     }
 
@@ -209,10 +211,18 @@ def _facts(account: Account) -> Table:
         turn = f", stored turned by {video.rotation_deg}°" if video.rotation_deg else ""
         rows += [
             ("upright picture", f"{video.width} x {video.height}{turn}"),
+            (
+                "taken to see vertically",
+                f"{_fov_deg(account.camera):.1f}°" if account.camera else "",
+            ),
             ("frames a second", f"{video.rate_hz or 0:.4g}{uneven}"),
             ("coding", f"{video.codec}, {video.transfer}"),
         ]
     return Table(("", ""), rows)
+
+
+def _fov_deg(camera: PinholeCamera) -> float:
+    return float(np.degrees(camera.vertical_fov_rad))
 
 
 def write_index(folder: Path, stems: list[str]) -> Path:

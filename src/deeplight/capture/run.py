@@ -129,8 +129,9 @@ def capture(
     manifest = what.shards.finish()
     page = write_index(what.shards.folder, sorted(what.shards.recipe["clips"]))
     if not any(manifest.examples(split) for split in manifest.splits):
-        skipped = "; ".join(f"{item.file}: {item.reason}" for item in manifest.skipped)
-        raise DataSetError("at least one usable clip", f"none ({skipped[:600]})", f"see {page}")
+        raise DataSetError(
+            "at least one usable clip", f"none of {len(manifest.skipped)}", f"see {page}"
+        )
     return manifest
 
 

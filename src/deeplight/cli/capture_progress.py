@@ -8,7 +8,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from deeplight.camera import TRAINED_VERTICAL_FOV_RAD
 from deeplight.capture.catalogue import find_clips
 from deeplight.capture.clip import CaptureSettings
 from deeplight.capture.located import LocateSettings
@@ -77,10 +76,10 @@ def settings_of(args: "Args") -> CaptureSettings:
     """
     if args.fov is not None and not 0 < args.fov < 180:
         raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
-    fov_rad = TRAINED_VERTICAL_FOV_RAD if args.fov is None else math.radians(args.fov)
+    fov_rad = None if args.fov is None else math.radians(args.fov)
     rig = None if args.rig is None else read_rig_file(args.rig)
     locate = LocateSettings(diameter_m=args.diameter, rig=rig)
-    return CaptureSettings(locate, args.choice, fov_rad, args.fov is not None)
+    return CaptureSettings(locate, args.choice, fov_rad)
 
 
 def _standing(done: int, what: Capture) -> str:
