@@ -47,9 +47,13 @@ def clustered(
     clusters: int,
     components: int,
 ) -> Clusters:
-    """Group vertices, first by their normals, then by which group holds their matrix best."""
+    """Group vertices, first by their normals, then by which group holds their matrix best.
+
+    What is lost counts by how strong light of each degree usually is: about 1 / (1 + degree).
+    """
     count, leaving, arriving = matrices.shape
-    flat = matrices.reshape(count, -1)
+    usual = (1 / (1 + np.floor(np.sqrt(np.arange(arriving))))).astype(np.float32)
+    flat = (matrices * usual).reshape(count, -1)
     random = np.random.default_rng(0)
     some = random.permutation(count)[:_LEARNT_FROM]
     clusters = max(1, min(clusters, len(some) // (2 * components)))
@@ -67,7 +71,8 @@ def clustered(
     for number in range(clusters):
         own = group == number
         weights[own] = (flat[own] - parts[number, 0]) @ parts[number, 1:].T
-    return Clusters(group, weights, parts.reshape(clusters, components + 1, leaving, arriving))
+    parts = parts.reshape(clusters, components + 1, leaving, arriving) / usual
+    return Clusters(group, weights, parts)
 
 
 def _by_direction(normals: Float[np.ndarray, "n 3"], clusters: int) -> Int[np.ndarray, "n"]:
