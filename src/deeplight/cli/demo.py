@@ -23,8 +23,8 @@ class Args:
     """Port to serve at; 0 takes any free one."""
     host: str = "127.0.0.1"
     """Address to serve at; 0.0.0.0 lets the whole network in."""
-    no_open: bool = False
-    """Do not open the browser."""
+    open: bool = True
+    """Open the browser, when started from a terminal."""
     export: Path | None = None
     """Write the page into this folder instead, for any web host."""
 
@@ -44,7 +44,7 @@ def run(args: Args) -> None:
         if args.host not in LOOPBACK:
             sys.stdout.write("from other machines: photos only, no camera (that needs https)\n")
         sys.stdout.flush()
-        if not args.no_open and sys.stdout.isatty():
+        if args.open and sys.stdout.isatty():
             import webbrowser
 
             webbrowser.open(server.url)
