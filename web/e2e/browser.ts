@@ -41,6 +41,8 @@ export interface How {
   readonly viewport?: { width: number; height: number };
   readonly touch?: boolean;
   readonly reducedMotion?: boolean;
+  /** Lets the page keep itself for offline use; else every file comes from the server. */
+  readonly keeps?: boolean;
   /** Runs before the page's own scripts. */
   readonly before?: (page: Page) => Promise<unknown>;
 }
@@ -52,6 +54,7 @@ export async function visit(browser: Browser, url: string, how: How = {}): Promi
     isMobile: how.touch ?? false,
     reducedMotion: how.reducedMotion ? "reduce" : "no-preference",
     acceptDownloads: true,
+    serviceWorkers: how.keeps ? "allow" : "block",
   });
   const page = await context.newPage();
   const errors: string[] = [];

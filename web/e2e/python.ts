@@ -7,7 +7,7 @@ import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 
 const ROOT = fileURLToPath(new URL("../../", import.meta.url));
-const PROGRAM = process.env.DEEPLIGHT ?? path.join(ROOT, ".venv/bin/deeplight");
+export const PROGRAM = process.env.DEEPLIGHT ?? path.join(ROOT, ".venv/bin/deeplight");
 
 export interface Site {
   readonly url: string;

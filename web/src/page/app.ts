@@ -47,7 +47,7 @@ export class App {
   private sleeping = false;
   private estimator: Estimator | null = null;
   private watch: Watch | null = null;
-  private readonly model: ModelLoader;
+  readonly model: ModelLoader;
   private readonly smoother = new Smoother();
   private readonly meter = new Meter();
   private readonly panel = new LightPanel();

@@ -1,6 +1,6 @@
 /** The tools around the view: they set what the app shows, and show what it holds. */
 import { hdrFile, jsonFile } from "../save/index.ts";
-import { mustAsk } from "../sensors/orientation.ts";
+import { mayRead } from "../sensors/orientation.ts";
 import { pitchOf } from "../sensors/pose.ts";
 import type { App } from "./app.ts";
 import { Chips, connectTrays, press, Slider } from "./controls.ts";
@@ -136,7 +136,7 @@ export class Desk {
     try {
       if (sensor.isOn) sensor.stop();
       else {
-        await sensor.start();
+        await sensor.ask();
         await sensor.firstReading(SENSOR_PATIENCE_MS);
       }
     } catch (error) {
@@ -174,8 +174,8 @@ export class Desk {
 }
 
 /** Starts the sensors where nobody has to be asked. */
-export function followMotionUnasked(app: App): void {
-  if (!mustAsk()) void app.sensor.start();
+export async function followMotionUnasked({ sensor }: App): Promise<void> {
+  if (await mayRead()) sensor.start();
 }
 
 function inMetres(value: number): string {

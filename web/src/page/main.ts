@@ -20,7 +20,7 @@ function start(): void {
   const app = new App(notice);
   const desk = new Desk(app, notice);
   button("open-camera").addEventListener("click", () => {
-    followMotionUnasked(app);
+    void followMotionUnasked(app);
     void app.openCamera();
   });
   button("open-photo").addEventListener("click", () => input("photo-file").click());
@@ -30,6 +30,13 @@ function start(): void {
   });
   showExamples(app);
   void desk.choose();
+  // Fetching everything once more must not hold up the first light.
+  void app.model
+    .settled()
+    .then(() => keepOffline(offerUpdate))
+    .catch((error: unknown) => {
+      console.warn("not kept offline:", error);
+    });
 }
 
 function showExamples(app: App): void {
@@ -57,4 +64,3 @@ try {
 } catch (error) {
   notice.show(error);
 }
-void keepOffline(offerUpdate).catch((error: unknown) => console.warn("not kept offline:", error));

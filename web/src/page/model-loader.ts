@@ -22,6 +22,11 @@ export class ModelLoader {
     }
   }
 
+  /** When the first attempt has ended, well or not. */
+  async settled(): Promise<void> {
+    await this.loading.catch(() => {});
+  }
+
   private load(): Promise<Estimator> {
     const bar = element("loading-bar", HTMLProgressElement);
     bar.removeAttribute("value");

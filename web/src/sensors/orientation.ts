@@ -44,9 +44,15 @@ interface AskingEvent {
   requestPermission?: () => Promise<PermissionState>;
 }
 
-/** Whether a tap is needed before the sensors may be read: so on iPhones. */
-export function mustAsk(): boolean {
-  return typeof asking()?.requestPermission === "function";
+/** Whether the sensors may be read without asking: so everywhere but on iPhones. */
+export async function mayRead(): Promise<boolean> {
+  if (!asking()?.requestPermission) return true;
+  try {
+    const name = "accelerometer" as PermissionName; // missing from the types
+    return (await navigator.permissions.query({ name })).state === "granted";
+  } catch {
+    return false; // Safari knows no such permission
+  }
 }
 
 export class OrientationSensor {
@@ -61,10 +67,13 @@ export class OrientationSensor {
    *
    * @throws Failure `motion-denied`.
    */
-  async start(): Promise<void> {
-    const ask = asking()?.requestPermission;
-    if (ask && (await ask().catch(() => "denied")) !== "granted")
-      throw new Failure("motion-denied");
+  async ask(): Promise<void> {
+    if (!(await mayAfterAsking())) throw new Failure("motion-denied");
+    this.start();
+  }
+
+  /** Starts listening; without permission nothing comes. */
+  start(): void {
     if (this.listening || !("DeviceOrientationEvent" in window)) return;
     this.listening = true;
     addEventListener("deviceorientation", this.read);
@@ -105,6 +114,13 @@ export class OrientationSensor {
 
 function screenAngle(): number {
   return screen.orientation?.angle ?? (window as { orientation?: number }).orientation ?? 0;
+}
+
+/** The question must come first in a tap's own task, or iPhones refuse it. */
+async function mayAfterAsking(): Promise<boolean> {
+  const event = asking();
+  if (!event?.requestPermission) return true;
+  return (await event.requestPermission().catch(() => "denied")) === "granted";
 }
 
 function asking(): AskingEvent | undefined {

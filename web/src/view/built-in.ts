@@ -1,7 +1,7 @@
-/** The built-in objects: diffuse and silver by precomputed transfer, mirror and gloss by the environment. */
+/** The built-in objects: diffuse and silver by precomputed transfer, mirror and gloss by the light's ball. */
 import { Group, Mesh } from "three";
 import type { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
+import { type Matrix3x3, product } from "../light/matrix.ts";
 import { Failure } from "../page/failure.ts";
 import {
   type GroundShadow,
@@ -12,8 +12,9 @@ import {
   TransferError,
   type TransferObject,
 } from "../transfer/index.ts";
+import { BallLight } from "./ball-light.ts";
 import type { Exhibit } from "./exhibit.ts";
-import { environmentMaterial, type MaterialName } from "./material.ts";
+import { type MaterialName, standardMaterial } from "./material.ts";
 
 /** One line of objects/index.json. */
 export interface BuiltInFacts {
@@ -30,6 +31,7 @@ export class BuiltIn implements Exhibit {
   material: Finish = "diffuse";
   private readonly shadow: GroundShadow;
   private readonly made = new Map<Finish, Mesh>();
+  private readonly ballLight = new BallLight();
   private harmonics: Float32Array | null = null;
 
   private constructor(private readonly transfer: Transfer) {
@@ -48,10 +50,6 @@ export class BuiltIn implements Exhibit {
     }
   }
 
-  get wantsEnvironment(): boolean {
-    return !isTransfer(this.mesh());
-  }
-
   setMaterial(name: MaterialName): void {
     this.object.remove(this.mesh());
     this.material = name === "file" ? "diffuse" : name;
@@ -59,13 +57,16 @@ export class BuiltIn implements Exhibit {
     this.light();
   }
 
-  setLight(lighting: Lighting, objectFromCamera: Matrix3x3): void {
-    this.harmonics = lighting.turned(objectFromCamera).harmonics(this.transfer.order);
+  setLight(lighting: Lighting, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
+    const turned = lighting.turned(product(objectFromWorld, worldFromCamera));
+    this.harmonics = turned.harmonics(this.transfer.order);
+    this.ballLight.set(lighting, worldFromCamera);
     this.light();
   }
 
   dispose(): void {
     this.shadow.dispose();
+    this.ballLight.dispose();
     for (const mesh of this.made.values()) mesh.geometry.dispose();
   }
 
@@ -88,8 +89,14 @@ export class BuiltIn implements Exhibit {
     if (this.material === "silver" && this.transfer.glossy) {
       return makeTransferObject(this.transfer, "glossy");
     }
-    const { geometry } = this.made.get("diffuse")!; // made first, in the constructor
-    return new Mesh(geometry, environmentMaterial(this.material));
+    // The transfer object was made first, in the constructor; its shape serves them all.
+    const { geometry } = this.made.get("diffuse")!;
+    const { ballLight, material } = this;
+    const isMirror = material === "mirror";
+    return new Mesh(
+      geometry,
+      isMirror ? ballLight.mirror() : ballLight.lights(standardMaterial(material)),
+    );
   }
 }
 

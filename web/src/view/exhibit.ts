@@ -9,10 +9,8 @@ export interface Exhibit {
   readonly object: Object3D;
   readonly materials: readonly MaterialName[];
   readonly material: MaterialName;
-  /** Whether its material is lit by the scene's environment; if not, that need not be kept up. */
-  readonly wantsEnvironment: boolean;
   setMaterial(name: MaterialName): void;
-  /** New light, in the camera's frame; `objectFromCamera` turns its directions into the object's. */
-  setLight(lighting: Lighting, objectFromCamera: Matrix3x3): void;
+  /** New light, in the frame of a camera held like `worldFromCamera`. */
+  setLight(lighting: Lighting, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void;
   dispose(): void;
 }

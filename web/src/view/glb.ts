@@ -5,17 +5,19 @@ import {
   LoadingManager,
   type Material,
   Mesh,
+  MeshStandardMaterial,
   type Object3D,
   type Texture,
   Vector3,
 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import type { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
+import { type Matrix3x3, product } from "../light/matrix.ts";
 import { Failure } from "../page/failure.ts";
+import { BallLight } from "./ball-light.ts";
 import type { Exhibit } from "./exhibit.ts";
 import { FloorShadow } from "./floor-shadow.ts";
-import { environmentMaterial, MATERIALS, type MaterialName } from "./material.ts";
+import { MATERIALS, type MaterialName, standardMaterial } from "./material.ts";
 
 const MOST_BYTES = 100e6;
 const MOST_TRIANGLES = 2e6;
@@ -23,15 +25,20 @@ const MOST_TRIANGLES = 2e6;
 export class OwnObject implements Exhibit {
   readonly object = new Group();
   readonly materials = MATERIALS;
-  readonly wantsEnvironment = true;
   material: MaterialName = "file";
+  private readonly light = new BallLight();
   private readonly shadow: FloorShadow;
   /** Each part with the material that it came with. */
   private readonly parts = new Map<Mesh, Material | Material[]>();
 
   private constructor(model: Object3D, triangles: number) {
     standing(model);
-    for (const mesh of meshesOf(model)) this.parts.set(mesh, mesh.material);
+    for (const mesh of meshesOf(model)) {
+      this.parts.set(mesh, mesh.material);
+      for (const material of [mesh.material].flat()) {
+        if (material instanceof MeshStandardMaterial) this.light.lights(material);
+      }
+    }
     this.shadow = new FloorShadow(model, triangles);
     this.object.add(model, this.shadow.mesh);
   }
@@ -51,16 +58,22 @@ export class OwnObject implements Exhibit {
 
   setMaterial(name: MaterialName): void {
     this.material = name;
-    const one = name === "file" ? null : environmentMaterial(name);
+    const one = name === "file" ? null : this.made(name);
     for (const [mesh, own] of this.parts) mesh.material = one ?? own;
   }
 
-  setLight(lighting: Lighting, objectFromCamera: Matrix3x3): void {
-    this.shadow.setLight(lighting, objectFromCamera);
+  setLight(lighting: Lighting, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
+    this.light.set(lighting, worldFromCamera);
+    this.shadow.setLight(lighting, product(objectFromWorld, worldFromCamera));
+  }
+
+  private made(name: Exclude<MaterialName, "file">): Material {
+    return name === "mirror" ? this.light.mirror() : this.light.lights(standardMaterial(name));
   }
 
   dispose(): void {
     this.shadow.dispose();
+    this.light.dispose();
     for (const [mesh, own] of this.parts) {
       mesh.geometry.dispose();
       for (const material of [own].flat()) forget(material);

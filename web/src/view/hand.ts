@@ -7,6 +7,8 @@ import type { Stage } from "./stage.ts";
 const FIRST_PLACE = [0.5, 0.7] as const;
 /** Of the view's shorter side, as in `deeplight compose`. */
 const FIRST_SHARE = 0.34;
+/** Of its own heading, so that it shows itself from the front and a side. */
+const FIRST_TURN_RAD = Math.PI / 5;
 const SMALLEST_M = 0.02;
 const LARGEST_M = 4;
 
@@ -60,7 +62,7 @@ export class Hand implements Movable {
       sizeSpanning(view, groundPoint(view, ...FIRST_PLACE), FIRST_SHARE),
     );
     const [, , backX, , , , , , backZ] = view.worldFromCamera;
-    this.turnRad = Math.atan2(backX, backZ);
+    this.turnRad = Math.atan2(backX, backZ) + FIRST_TURN_RAD;
   }
 
   private changed(): void {

@@ -10,16 +10,14 @@ const SILVER_ROUGHNESS = Math.sqrt(0.3);
 const COAT_ROUGHNESS = Math.sqrt(0.08);
 const COAT_COLOUR = 0.55;
 
-/** A material lit by the scene's environment. */
-export function environmentMaterial(name: Exclude<MaterialName, "file">): Material {
+/** A material of three.js for `BallLight` to light. */
+export function standardMaterial(name: Exclude<MaterialName, "file" | "mirror">): Material {
   switch (name) {
     case "diffuse":
       // Without this three.js would add 4 % of gloss.
       return made(REFLECTIVITY.diffuse, { roughness: 1, metalness: 0, specularIntensity: 0 });
     case "silver":
       return made(REFLECTIVITY.matte_silver, { roughness: SILVER_ROUGHNESS, metalness: 1 });
-    case "mirror":
-      return made(REFLECTIVITY.mirror, { roughness: 0, metalness: 1 });
     case "glossy":
       return made(COAT_COLOUR, { roughness: COAT_ROUGHNESS, metalness: 0 });
   }

@@ -3,11 +3,10 @@ import { Group, PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import type { Picture } from "../camera/picture.ts";
 import { ASSUMED_LONG_SIDE_FOV_RAD } from "../contract/generated.ts";
 import type { Lighting } from "../light/lighting.ts";
-import { IDENTITY, type Matrix3x3, product } from "../light/matrix.ts";
+import { IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
 import { Failure } from "../page/failure.ts";
 import { rotation } from "../sensors/pose.ts";
 import { Backdrop } from "./backdrop.ts";
-import { Environment } from "./environment.ts";
 import type { Exhibit } from "./exhibit.ts";
 import { type Fit, fitOn, focalLength, type Size, verticalFov } from "./fit.ts";
 import { groundPoint, type Viewpoint } from "./ground.ts";
@@ -34,12 +33,10 @@ export class Stage {
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera(60, 1, 0.01, 100);
   private readonly backdrop = new Backdrop();
-  private readonly environment: Environment;
   private worldFromCamera: Matrix3x3 = IDENTITY;
   private picture: Picture | null = null;
   private exhibit: Exhibit | null = null;
   private light: LightInWorld | null = null;
-  private environmentIsOld = true;
   private scheduled = false;
 
   /** @throws Failure `no-webgl`. */
@@ -50,16 +47,12 @@ export class Stage {
       throw new Failure("no-webgl", String(error));
     }
     useCameraResponse(this.renderer);
-    this.environment = new Environment(this.renderer);
     this.camera.rotation.order = "YXZ";
     this.scene.add(this.backdrop.mesh, this.anchor);
     canvas.addEventListener("webglcontextlost", () => {
       setTimeout(() => this.renderer.getContext().isContextLost() && this.onLost(), PATIENCE_MS);
     });
-    canvas.addEventListener("webglcontextrestored", () => {
-      this.environmentIsOld = true;
-      this.invalidate();
-    });
+    canvas.addEventListener("webglcontextrestored", () => this.invalidate());
   }
 
   show(picture: Picture): void {
@@ -104,16 +97,15 @@ export class Stage {
   /** New light, in the frame of a camera held like `worldFromCamera`. */
   setLight(lighting: Lighting, worldFromCamera: Matrix3x3): void {
     this.light = { lighting, worldFromCamera };
-    this.environmentIsOld = true;
     this.relight();
   }
 
   /** To be called when the object was turned, moved or changed its material. */
   relight(): void {
     if (this.light && this.exhibit) {
+      const { lighting, worldFromCamera } = this.light;
       const objectFromWorld = rotation("y", -this.anchor.rotation.y);
-      const objectFromCamera = product(objectFromWorld, this.light.worldFromCamera);
-      this.exhibit.setLight(this.light.lighting, objectFromCamera);
+      this.exhibit.setLight(lighting, worldFromCamera, objectFromWorld);
     }
     this.invalidate();
   }
@@ -166,10 +158,6 @@ export class Stage {
   }
 
   private draw(): void {
-    if (this.light && this.exhibit?.wantsEnvironment && this.environmentIsOld) {
-      this.environment.light(this.scene, this.light.lighting, this.light.worldFromCamera);
-      this.environmentIsOld = false;
-    }
     this.anchor.visible = this.light !== null;
     this.holdCamera();
     this.renderer.render(this.scene, this.camera);

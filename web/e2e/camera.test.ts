@@ -1,0 +1,150 @@
+/** The live camera in the built page, played by a clip. */
+import { mkdtemp, writeFile } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import path from "node:path";
+import type { Browser, Page } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { launch, PHONE_LYING, untilLit, visit } from "./browser.ts";
+import { makeClip } from "./clip.ts";
+import { pixels, saved } from "./pictures.ts";
+import { ballOf, estimated, farthest, type Site, serve } from "./python.ts";
+
+let site: Site;
+let browser: Browser;
+let folder: string;
+
+beforeAll(async () => {
+  folder = await mkdtemp(path.join(tmpdir(), "deeplight-camera-"));
+  let clip = process.env.DEEPLIGHT_CLIP; // a simulated one: docs/demo.md
+  if (!clip) {
+    clip = path.join(folder, "clip.mjpeg");
+    const maker = await launch();
+    await makeClip(maker, clip);
+    await maker.close();
+  }
+  [site, browser] = await Promise.all([serve(), launch(clip)]);
+});
+afterAll(async () => {
+  await browser?.close();
+  await site?.stop();
+});
+
+async function openCamera(page: Page): Promise<void> {
+  await page.click("#open-camera");
+  await untilLit(page);
+}
+
+const isFilming = (page: Page): Promise<boolean> =>
+  page.locator("video").evaluate((video: HTMLVideoElement) => {
+    const stream = video.srcObject as MediaStream | null;
+    return stream?.getVideoTracks()[0]?.readyState === "live";
+  });
+
+test("estimates frame after frame, and of a frozen one Python's light", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openCamera(page);
+  await page.waitForFunction(() =>
+    /per second/.test(document.querySelector("#meter")!.textContent!),
+  );
+  await page.waitForTimeout(2000);
+  console.log(`live: ${(await page.textContent("#meter-text"))!.trim()}`);
+  // The frame that is kept is the one that the paused video shows.
+  const frame = await page.locator("video").evaluate(async (video: HTMLVideoElement) => {
+    video.pause();
+    await new Promise((settled) => setTimeout(settled, 300));
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [video.videoWidth, video.videoHeight];
+    canvas.getContext("2d")!.drawImage(video, 0, 0);
+    return canvas.toDataURL("image/png").split(",")[1]!;
+  });
+  await page.click("#freeze");
+  await untilFrozen(page);
+  expect(await isFilming(page)).toBe(false);
+  const photo = path.join(folder, "frame.png");
+  await writeFile(photo, Buffer.from(frame, "base64"));
+  const python = await estimated(photo);
+  const ours = ballOf((await saved(page, "#save-json")).toString());
+  expect(farthest(ours, python)).toBeLessThan(2e-3);
+  const picture = await pixels(page, await saved(page, "#save-picture"));
+  const film = await pixels(page, Buffer.from(frame, "base64"));
+  for (const [x, y] of [
+    [0.05, 0.05],
+    [0.95, 0.05],
+    [0.05, 0.5],
+    [0.95, 0.5],
+  ] as const) {
+    const around = [x - 0.04, y - 0.04, x + 0.04, y + 0.04] as const; // not mirrored, not turned
+    expect(picture.mean(...around, 1)).toBeCloseTo(film.mean(...around, 1), 0);
+  }
+  await page.click("#freeze");
+  await expect.poll(() => isFilming(page)).toBe(true);
+  await leave();
+});
+
+/** Frozen, and estimated once more since. */
+async function untilFrozen(page: Page): Promise<void> {
+  await page.waitForSelector('#freeze[aria-pressed="true"]');
+  await page.waitForFunction(() =>
+    /^[\d.]+ ms$/.test(document.querySelector("#meter-text")!.textContent!),
+  );
+}
+
+test("the camera is off while nobody sees the page, and on again after", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openCamera(page);
+  expect(await isFilming(page)).toBe(true);
+  const hide = (is: boolean): Promise<void> =>
+    page.evaluate((hidden) => {
+      Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
+      document.dispatchEvent(new Event("visibilitychange"));
+    }, is);
+  await hide(true);
+  expect(await isFilming(page)).toBe(false);
+  await hide(false);
+  await expect.poll(() => isFilming(page)).toBe(true);
+  await untilLit(page);
+  await page.click("#close");
+  await page.waitForSelector("#start:visible");
+  expect(await isFilming(page)).toBe(false);
+  await leave();
+});
+
+test("the phone is turned: the picture fills the screen as before", async () => {
+  const { page, leave } = await visit(browser, site.url, { viewport: PHONE_LYING });
+  await openCamera(page);
+  const box = async () => (await page.locator("#view").boundingBox())!;
+  expect((await box()).height).toBeCloseTo(390, 0);
+  await page.setViewportSize({ width: 390, height: 844 });
+  await expect.poll(async () => (await box()).height).toBeGreaterThan(690);
+  expect((await box()).width).toBeCloseTo(390, 0);
+  for (const tool of await page.locator("nav button:visible").all()) {
+    const { x, y, width, height } = (await tool.boundingBox())!;
+    expect(Math.min(x, y, 390 - x - width, 844 - y - height)).toBeGreaterThanOrEqual(0);
+    expect(Math.min(width, height)).toBeGreaterThanOrEqual(44); // a finger's size
+  }
+  await leave();
+});
+
+test("follows the phone's motion: what stands on the floor leaves the view when it is turned away", async () => {
+  const { page, leave } = await visit(browser, site.url, { touch: true });
+  await openCamera(page);
+  const hold = (alpha: number, beta: number): Promise<void> =>
+    page.evaluate(
+      (angles) => {
+        dispatchEvent(new DeviceOrientationEvent("deviceorientation", angles));
+      },
+      { alpha, beta, gamma: 0 },
+    );
+  await hold(0, 60);
+  await page.click('[data-tray="camera"]');
+  await page.waitForSelector('#motion[aria-pressed="true"]');
+  await expect.poll(() => page.textContent("#tilt-value")).toBe("-30°");
+  expect(await page.isDisabled("#tilt")).toBe(true);
+  await page.click('[data-tray="camera"]');
+  await page.locator("video").evaluate((video: HTMLVideoElement) => video.pause());
+  const ahead = await page.locator("#view").screenshot();
+  await hold(90, 60);
+  await page.waitForTimeout(400);
+  expect((await page.locator("#view").screenshot()).equals(ahead)).toBe(false);
+  await leave();
+});

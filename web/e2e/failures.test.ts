@@ -1,0 +1,144 @@
+/** Every failure has a sentence and a button that leads on. */
+import { fileURLToPath } from "node:url";
+import type { Browser, Page } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { launch, untilLit, visit } from "./browser.ts";
+import { PHOTOS } from "./clip.ts";
+import { type Site, serve } from "./python.ts";
+
+const CANTEEN = fileURLToPath(new URL("canteen.jpg", PHOTOS));
+let site: Site;
+let browser: Browser;
+
+beforeAll(async () => {
+  [site, browser] = await Promise.all([serve(), launch()]);
+});
+afterAll(async () => {
+  await browser?.close();
+  await site?.stop();
+});
+
+/** The notice is open, says something and its first button has the focus. */
+async function told(page: Page, kind: string, remedy: string): Promise<void> {
+  await page.waitForSelector(`#notice[open][data-kind="${kind}"]`);
+  expect((await page.textContent("#notice-title"))!.length).toBeGreaterThan(5);
+  expect((await page.textContent("#notice-text"))!.length).toBeGreaterThan(30);
+  expect(await page.isVisible(`#notice [data-remedy="${remedy}"]`)).toBe(true);
+  expect(await page.evaluate(() => document.activeElement?.closest("#notice") !== null)).toBe(true);
+}
+
+/** getUserMedia that fails as the browser's would. */
+const cameraFails = (name: string) => (page: Page) =>
+  page.addInitScript((error) => {
+    navigator.mediaDevices.getUserMedia = () => Promise.reject(new DOMException("", error));
+  }, name);
+
+test("no camera: a photo instead", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await page.click("#open-camera");
+  await told(page, "no-camera", "photo");
+  const [chooser] = await Promise.all([
+    page.waitForEvent("filechooser"),
+    page.click('#notice [data-remedy="photo"]'),
+  ]);
+  await chooser.setFiles(CANTEEN);
+  await untilLit(page);
+  await leave();
+});
+
+test.each([
+  ["NotAllowedError", "denied"],
+  ["NotReadableError", "camera-busy"],
+])("%s is told as %s, and the camera can be tried again", async (error, kind) => {
+  const { page, leave } = await visit(browser, site.url, { before: cameraFails(error) });
+  await page.click("#open-camera");
+  await told(page, kind, "camera");
+  await page.click('#notice [data-remedy="camera"]');
+  await told(page, kind, "photo");
+  await page.keyboard.press("Escape");
+  expect(await page.isVisible("#open-camera")).toBe(true);
+  await leave();
+});
+
+test("an address that is not safe", async () => {
+  const before = (page: Page) =>
+    page.addInitScript(() => {
+      Object.defineProperty(navigator, "mediaDevices", { value: undefined });
+      Object.defineProperty(window, "isSecureContext", { value: false });
+    });
+  const { page, leave } = await visit(browser, site.url, { before });
+  await page.click("#open-camera");
+  await told(page, "insecure", "photo");
+  await leave();
+});
+
+test("the model is missing, then there", async () => {
+  let isThere = false;
+  const before = (page: Page) =>
+    page.route("**/deeplight.onnx", (route) =>
+      isThere ? route.continue() : route.fulfill({ status: 404, body: "" }),
+    );
+  const { page, leave } = await visit(browser, site.url, { before });
+  await page.click("#examples button");
+  await told(page, "model-missing", "retry");
+  isThere = true;
+  await page.click('#notice [data-remedy="retry"]');
+  await untilLit(page);
+  await leave(/404/);
+});
+
+test("the model is damaged", async () => {
+  const before = (page: Page) =>
+    page.route("**/deeplight.onnx", (route) => route.fulfill({ body: "<html>no model</html>" }));
+  const { page, leave } = await visit(browser, site.url, { before });
+  await page.click("#examples button");
+  await told(page, "model-damaged", "retry");
+  await leave();
+});
+
+test("WebAssembly is missing", async () => {
+  const before = (page: Page) => page.route("**/*.wasm", (route) => route.fulfill({ status: 404 }));
+  const { page, leave } = await visit(browser, site.url, { before });
+  await page.click("#examples button");
+  await told(page, "runtime", "retry");
+  await leave(/404|wasm|WebAssembly|ArrayBuffer/);
+});
+
+test("an object's file is missing; the light is there all the same", async () => {
+  const before = (page: Page) =>
+    page.route("**/pot.transfer", (route) => route.fulfill({ status: 404 }));
+  const { page, leave } = await visit(browser, site.url, { before });
+  await page.click("#examples button");
+  await untilLit(page);
+  await page.click('[data-tray="object"]');
+  await page.getByText("Teapot").click();
+  await told(page, "object-missing", "retry");
+  await page.keyboard.press("Escape");
+  expect(await page.inputValue("#objects input:checked")).toBe("bunny");
+  await leave(/404/);
+});
+
+test("no WebGL", async () => {
+  const before = (page: Page) =>
+    page.addInitScript(() => {
+      HTMLCanvasElement.prototype.getContext = () => null;
+    });
+  const { page, leave } = await visit(browser, site.url, { before });
+  await told(page, "no-webgl", "reload");
+  await leave(/WebGL/);
+});
+
+test.each([
+  ["a text", "photo-unreadable", Buffer.from("no photo")],
+  ["100 megabytes", "photo-too-large", Buffer.alloc(1)],
+])("%s instead of a photo", async (_, kind, buffer) => {
+  const { page, leave } = await visit(browser, site.url);
+  if (kind === "photo-too-large") {
+    await page.evaluate(() => {
+      Object.defineProperty(File.prototype, "size", { get: () => 101e6 });
+    });
+  }
+  await page.setInputFiles("#photo-file", { name: "a.jpg", mimeType: "image/jpeg", buffer });
+  await told(page, kind, "photo");
+  await leave();
+});

@@ -1,0 +1,193 @@
+/** A photo in the built page: its light, its object, what can be done and taken away. */
+import { readFile } from "node:fs/promises";
+import { fileURLToPath } from "node:url";
+import type { Browser, Page } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { boxGlb } from "./box.ts";
+import { DESKTOP, launch, PHONE_LYING, untilLit, visit } from "./browser.ts";
+import { PHOTOS } from "./clip.ts";
+import { pixels, saved } from "./pictures.ts";
+import { ballOf, estimated, farthest, type Site, serve } from "./python.ts";
+
+const CANTEEN = fileURLToPath(new URL("canteen.jpg", PHOTOS));
+const PAGODA = fileURLToPath(new URL("pagoda.jpg", PHOTOS));
+const GLB = { name: "box.glb", mimeType: "model/gltf-binary" };
+let site: Site;
+let browser: Browser;
+
+beforeAll(async () => {
+  [site, browser] = await Promise.all([serve(), launch()]);
+});
+afterAll(async () => {
+  await browser?.close();
+  await site?.stop();
+});
+
+async function openPhoto(page: Page, file: string): Promise<void> {
+  await page.setInputFiles("#photo-file", file);
+  await untilLit(page);
+}
+
+test.each([
+  ["with a field of view in EXIF", CANTEEN],
+  ["without", PAGODA],
+])("a photo %s gets Python's light", async (_, file) => {
+  const { page, leave } = await visit(browser, site.url);
+  await openPhoto(page, file);
+  const ours = ballOf((await saved(page, "#save-json")).toString());
+  const python = await estimated(file);
+  expect(farthest(ours, python)).toBeLessThan(2e-3);
+  expect(
+    farthest(
+      ours.map((value) => value + 0.01),
+      python,
+    ),
+  ).toBeGreaterThan(2e-3);
+  await leave();
+});
+
+test("the picture is the photo, with an object and its shadow only where it stands", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openPhoto(page, CANTEEN);
+  const photo = await pixels(page, await readFile(CANTEEN));
+  const picture = await pixels(page, await saved(page, "#save-picture"));
+  expect([picture.width, picture.height]).toEqual([photo.width, photo.height]);
+  const strips: readonly (readonly [number, number, number, number])[] = [
+    [0, 0, 1, 0.3],
+    [0, 0.3, 0.1, 1],
+    [0.9, 0.3, 1, 1],
+  ];
+  for (const strip of strips) {
+    for (const channel of [0, 1, 2]) {
+      expect(picture.mean(...strip, channel)).toBeCloseTo(photo.mean(...strip, channel), 0);
+    }
+  }
+  const [x, y] = [0.5, 0.64]; // the bunny's body
+  expect(Math.abs(picture.at(x, y)[0]! - photo.at(x, y)[0]!)).toBeGreaterThan(10);
+  const hdr = (await saved(page, "#save-hdr")).toString("latin1");
+  expect(hdr).toMatch(/^#\?RADIANCE\n[\s\S]*-Y 256 \+X 512\n/);
+  await leave();
+});
+
+test("an example opens with one click, and its light is there within seconds", async () => {
+  const { page, leave } = await visit(browser, site.url, { viewport: DESKTOP });
+  await page.click("#examples button");
+  await untilLit(page);
+  const sinceLoad = await page.evaluate(() => performance.now());
+  console.log(`first light ${(sinceLoad / 1000).toFixed(1)} s after the page was asked for`);
+  expect(await page.textContent("#meter-text")).toMatch(/^[\d.]+ ms$/);
+  expect(await page.textContent("#status")).toMatch(/Light estimated/);
+  await page.goBack();
+  await page.waitForSelector("#start:visible");
+  await leave();
+});
+
+test("the object is dragged, turned and scaled", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openPhoto(page, CANTEEN);
+  await page.click('[data-tray="object"]');
+  const shown = async (): Promise<(string | null)[]> => [
+    await page.textContent("#turn-value"),
+    await page.textContent("#size-value"),
+  ];
+  const before = await shown();
+  await page.mouse.move(195, 500);
+  await page.mouse.wheel(0, -300);
+  await page.keyboard.down("Shift");
+  await page.mouse.wheel(0, 120);
+  await page.keyboard.up("Shift");
+  await expect.poll(shown).not.toEqual(before);
+  const [turn, size] = await shown();
+  expect(turn).not.toBe(before[0]);
+  expect(size).not.toBe(before[1]);
+  const still = await pixels(page, await saved(page, "#save-picture"));
+  await page.mouse.move(195, 560);
+  await page.mouse.down();
+  await page.mouse.move(300, 640, { steps: 4 });
+  await page.mouse.up();
+  const moved = await pixels(page, await saved(page, "#save-picture"));
+  expect(moved.at(0.5, 0.62)).not.toEqual(still.at(0.5, 0.62));
+  await leave();
+});
+
+test("every material is another picture", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openPhoto(page, CANTEEN);
+  const seen: string[] = [];
+  for (const material of ["Grey", "Matte silver", "Mirror", "Glossy"]) {
+    await page.click('[data-tray="material"]');
+    await page.getByText(material, { exact: true }).click();
+    const picture = await pixels(page, await saved(page, "#save-picture"));
+    seen.push(String(picture.at(0.53, 0.64)));
+  }
+  expect(new Set(seen).size).toBe(4);
+  await leave();
+});
+
+test("the user's own .glb stands there in its own colours; a broken one is refused", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openPhoto(page, CANTEEN);
+  await page.setInputFiles("#model-file", { ...GLB, buffer: boxGlb() });
+  await page.waitForSelector("#objects >> text=box.glb", { state: "attached" });
+  const picture = await pixels(page, await saved(page, "#save-picture"));
+  const [red, green] = picture.at(0.5, 0.62);
+  expect(red).toBeGreaterThan(2 * green!);
+  await page.setInputFiles("#model-file", { ...GLB, buffer: boxGlb().subarray(0, 900) });
+  await page.waitForSelector('#notice[data-kind="glb-broken"]');
+  await page.keyboard.press("Escape");
+  const again = await pixels(page, await saved(page, "#save-picture"));
+  expect(again.at(0.5, 0.62)).toEqual([red, green, picture.at(0.5, 0.62)[2]]);
+  await leave();
+});
+
+test("everything works with the keyboard alone", async () => {
+  const { page, leave } = await visit(browser, site.url, { reducedMotion: true });
+  const focused = (): Promise<string> =>
+    page.evaluate(() => document.activeElement?.id || document.activeElement?.textContent || "");
+  await page.waitForSelector("#examples button:nth-child(3)");
+  for (let i = 0; i < 3; i++) await page.keyboard.press("Tab");
+  await page.keyboard.press("Enter");
+  await untilLit(page);
+  expect(await focused()).toBe("view");
+  const before = await page.locator("#view").screenshot();
+  for (const key of ["ArrowRight", "ArrowRight", "ArrowDown", "e", "+"])
+    await page.keyboard.press(key);
+  await page.waitForTimeout(300);
+  expect((await page.locator("#view").screenshot()).equals(before)).toBe(false);
+  while ((await focused()) !== "Material") await page.keyboard.press("Tab");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector("#tray-material:visible");
+  expect(
+    await page.locator("#tray-material").evaluate((tray) => getComputedStyle(tray).animationName),
+  ).toBe("none");
+  while (!(await page.evaluate(() => document.activeElement?.matches("#materials input")))) {
+    await page.keyboard.press("Shift+Tab");
+  }
+  await page.keyboard.press("ArrowRight");
+  expect(await page.inputValue("#materials input:checked")).toBe("silver");
+  await page.keyboard.press("Escape");
+  await page.waitForSelector("#tray-material", { state: "hidden" });
+  await leave();
+});
+
+test("a photo can be dropped, and the phone turned", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  const text = (await readFile(PAGODA)).toString("base64");
+  await page.evaluate((content) => {
+    const bytes = Uint8Array.from(atob(content), (letter) => letter.charCodeAt(0));
+    const dataTransfer = new DataTransfer();
+    dataTransfer.items.add(new File([bytes], "dropped.jpg", { type: "image/jpeg" }));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true }));
+  }, text);
+  await untilLit(page);
+  const box = async () => (await page.locator("#view").boundingBox())!;
+  const upright = await box();
+  expect(upright.width).toBeCloseTo(390, 0); // a lying photo is shown whole
+  expect(upright.width / upright.height).toBeCloseTo(640 / 427, 1);
+  await page.setViewportSize(PHONE_LYING);
+  await expect.poll(async () => (await box()).width).toBeGreaterThan(500);
+  const lying = await box();
+  expect(lying.height).toBeLessThanOrEqual(390);
+  expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(844);
+  await leave();
+});
