@@ -111,6 +111,37 @@ def test_cube_faces_hold_each_direction_where_the_tool_looks_it_up(tool, x_sign)
     np.testing.assert_array_equal(faces_for(faces, tool), cube.directions(size).astype(np.float32))
 
 
+def test_ktx2_says_what_it_holds_and_holds_opengls_faces(environment, tmp_path: Path) -> None:
+    (path,) = write_environment(environment, Wish(tmp_path / "light.ktx2", size=32))
+    data = path.read_bytes()
+    assert data[:12] == bytes.fromhex("AB4B5458203230BB0D0A1A0A")
+    form, _, width, height, depth, layers, faces, levels, packed = struct.unpack_from(
+        "<9I", data, 12
+    )
+    assert (form, width, height, depth, layers, faces, levels, packed) == (
+        109,
+        32,
+        32,
+        0,
+        0,
+        6,
+        1,
+        0,
+    )
+    at, length, whole = struct.unpack_from("<3Q", data, 80)
+    assert at % 16 == 0
+    assert length == whole == len(data) - at == 6 * 32 * 32 * 16
+    stored = np.frombuffer(data, "<f4", offset=at).reshape(6, 32, 32, 4)
+    assert (stored[..., 3] == 1).all()
+    ours = cube_from_latlong(environment.radiance, 32)
+    for direction in whole_sphere():
+        face, s, t = opengl_face(direction)
+        column, row = min(int(s * 32), 31), min(int(t * 32), 31)
+        aimed = (cube.directions(32) @ direction).argmax()  # the texel of ours that looks there
+        expected = ours.reshape(-1, 3)[aimed]
+        assert stored[face, row, column, :3] == pytest.approx(expected, rel=0.02), direction
+
+
 @pytest.mark.parametrize("tool", TOOLS)
 def test_turning_for_a_tool_is_undone(tool, environment) -> None:
     back = turned_from(turned_for(environment.radiance, tool), tool)

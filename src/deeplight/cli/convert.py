@@ -15,7 +15,7 @@ import tyro
 from deeplight.edit import Edit
 from deeplight.probe import Mapping
 
-Format = Literal["exr", "hdr", "jpg", "json", "webxr", "gltf", "glb", "blender", "three"]
+Format = Literal["exr", "hdr", "jpg", "json", "webxr", "ktx2", "gltf", "glb", "blender", "three"]
 Tool = Literal["blender", "three", "mitsuba", "unity", "unreal", "webxr"]
 
 
@@ -26,7 +26,7 @@ class Args:
     inputs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="IN...")]
     """A lighting .json or .exr of deeplight, an HDR picture, or six faces +X -X +Y -Y +Z -Z."""
     out: Path
-    """.exr .hdr .jpg .json .webxr.json .gltf .glb .py (Blender) .js (three.js)."""
+    """.exr .hdr .jpg .json .webxr.json .ktx2 .gltf .glb .py (Blender) .js (three.js)."""
     format: Format | None = None
     """What to write, if the name's ending does not tell."""
     mapping: Mapping = "latlong"

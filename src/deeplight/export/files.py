@@ -20,6 +20,7 @@ from deeplight.harmonics import project
 from deeplight.io.atomic import replacing
 from deeplight.io.gain_map import write_gain_map_jpeg
 from deeplight.io.hdr import write_exr, write_hdr
+from deeplight.io.ktx2 import write_ktx2
 from deeplight.io.lighting_file import FRAME, UNIT, VIEW_U, save_lighting
 from deeplight.probe import cube_from_latlong, probe_from_latlong, resized, unfolded
 
@@ -110,6 +111,7 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
         ".jpeg": "jpg",
         ".webxr.json": "webxr",
         ".json": "json",
+        ".ktx2": "ktx2",
         ".gltf": "gltf",
         ".glb": "glb",
         ".py": "blender",
@@ -175,6 +177,15 @@ def _webxr(environment: Environment, wish: Wish) -> list[Path]:
     return _text(wish.path, json.dumps(content, indent=1) + "\n")
 
 
+def _ktx2(environment: Environment, wish: Wish) -> list[Path]:
+    if wish.made_for not in (None, "webxr"):
+        raise ConfigError("a KTX2 cube as OpenGL has it", f"--for {wish.made_for}", "drop --for")
+    size = wish.size or max(len(environment.radiance) // 2, 4)
+    faces = faces_for(cube_from_latlong(environment.radiance, size), "webxr")
+    write_ktx2(wish.path, faces.astype(np.float32), UNIT)
+    return [wish.path]
+
+
 def _gltf(environment: Environment, wish: Wish) -> list[Path]:
     return _text(wish.path, json.dumps(gltf(environment)) + "\n")
 
@@ -222,6 +233,7 @@ FORMATS: Mapping[str, Callable[[Environment, Wish], list[Path]]] = MappingProxyT
         "jpg": _picture,
         "json": _lighting_file,
         "webxr": _webxr,
+        "ktx2": _ktx2,
         "gltf": _gltf,
         "glb": _glb,
         "blender": _script("blender", "blender.py.txt"),
