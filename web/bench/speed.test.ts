@@ -46,7 +46,6 @@ test("what is made of a light", async () => {
     ["main light", (light) => light.mainLight()],
     ["turned", (light) => light.turned(turn)],
     ["panorama of 128 rows", (light) => light.equirect(128)],
-    ["the same, quick", (light) => light.quickEquirect(128)],
     ...SPHERES.map((name): [string, (light: Lighting) => unknown] => [
       `sphere: ${name}`,
       (light) => relit(name, light.radiance()),

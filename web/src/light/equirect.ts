@@ -7,8 +7,6 @@ import type { Vector3 } from "./matrix.ts";
 import { nearestLit, pixelOfDirection, uvFromDirection } from "./mirror-ball.ts";
 import { remembered } from "./remembered.ts";
 
-const SMOOTH_ENOUGH = 48; // rows
-
 /** Where the panorama's pixels look: which ball pixel, and what interpolates there. */
 interface Grid {
   readonly pixel: Int32Array;
@@ -26,11 +24,6 @@ export function equirectFromBall(ball: Float32Array, size: number, height: numbe
   return halved(enlarged(ball, size, 2 * height), height);
 }
 
-/** Nearly the same, in a fraction of the time: to look at, not to keep. */
-export function quickEquirect(ball: Float32Array, size: number, height: number): Float32Array {
-  return enlarged(ball, size, height, Math.min(height, SMOOTH_ENOUGH));
-}
-
 /** Unit direction of a pixel's centre. */
 export function directionOfPixel(row: number, column: number, height: number): Vector3 {
   const theta = (row + 0.5) * (Math.PI / height);
@@ -44,17 +37,10 @@ export function rowSolidAngle(row: number, height: number): number {
   return (upper! - lower!) * (Math.PI / height);
 }
 
-/** On a grid of `height` rows; what is smooth about it is found on one of `smoothHeight`. */
-function enlarged(
-  ball: Float32Array,
-  size: number,
-  height: number,
-  smoothHeight = height,
-): Float32Array {
+function enlarged(ball: Float32Array, size: number, height: number): Float32Array {
   const wanted = spreadOverRim(ball, size);
-  const log = smoothLog(wanted, size, gridOf(size, smoothHeight));
   const grid = gridOf(size, height);
-  const result = interpolatedExp(log, grid);
+  const result = interpolatedExp(smoothLog(wanted, size, grid), grid);
   multiplyByPixel(result, shortfall(wanted, result, grid, size), grid);
   return result;
 }

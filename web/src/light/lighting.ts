@@ -2,9 +2,8 @@
  * Light from all directions on the mirror ball, in the camera frame: +X right, +Y up, +Z towards
  * the camera, which looks along -Z. Radiance is linear and relative to the camera's white.
  */
-import { LIGHTING_SIZE } from "../contract/generated.ts";
 import { pixelFromRadiance } from "./camera-response.ts";
-import { equirectFromBall, quickEquirect } from "./equirect.ts";
+import { equirectFromBall } from "./equirect.ts";
 import { project } from "./harmonics.ts";
 import { findMainLight, type MainLight } from "./main-light.ts";
 import type { Matrix3x3 } from "./matrix.ts";
@@ -61,11 +60,6 @@ export class Lighting {
     return equirectFromBall(this.radiance(), this.size, height);
   }
 
-  /** `equirect` for what changes every moment: 2 % off on average, in a sixth of the time. */
-  quickEquirect(height: number): Float32Array {
-    return quickEquirect(this.radiance(), this.size, height);
-  }
-
   /** A reference sphere as the camera would show it, transparent around it. */
   sphere(which: SphereName): ImageData {
     return new ImageData(this.spherePixels(which), SPHERE_SIZE, SPHERE_SIZE);
@@ -88,6 +82,3 @@ export class Lighting {
     return findMainLight(this.radiance(), this.size);
   }
 }
-
-/** The size that the shipped network gives. */
-export const SIZE = LIGHTING_SIZE;
