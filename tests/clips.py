@@ -32,14 +32,24 @@ def picture(shift_px: int, blur_px: int = 0, gain: float = 1.0) -> np.ndarray:
     return frame
 
 
-def write_clip(path: Path, frames: Iterable[np.ndarray] | None = None) -> Path:
-    """Write pictures as a clip of 30 frames a second; left out, ten of a sliding world."""
+def write_clip(
+    path: Path,
+    frames: Iterable[np.ndarray] | None = None,
+    rotation_deg: int = 0,
+    stretch: float = 1.0,
+) -> Path:
+    """Write pictures as a clip of 30 frames a second; left out, ten of a sliding world.
+
+    Each pause between frames is `stretch` times as long as the one before.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     if frames is None:
         frames = [picture(4 * n) for n in range(10)]
-    with VideoWriter(path, WIDTH, HEIGHT, 30) as video:
-        for n, frame in enumerate(frames):
-            video.write(frame, n / 30)
+    time_s, pause_s = 0.0, 1 / 30
+    with VideoWriter(path, WIDTH, HEIGHT, 30, rotation_deg=rotation_deg) as video:
+        for frame in frames:
+            video.write(frame, time_s)
+            time_s, pause_s = time_s + pause_s, pause_s * stretch
     return path
 
 
