@@ -21,8 +21,6 @@ def exported(args: "Args") -> ModelContract:
         InputError: the model, the settings or the data set cannot be used.
     """
     form = format_of(args)
-    if form == "tflite":
-        import litert_torch  # noqa: F401  # before any work: tells the extra that is missing
     from deeplight.training.model_file import load_network
 
     generator, contract = load_network(args.model, args.trained_on)

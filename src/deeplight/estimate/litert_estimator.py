@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from ai_edge_litert import schema_py_generated as schema
-from ai_edge_litert.interpreter import Interpreter
+from ai_edge_litert.interpreter import Interpreter, OpResolverType
 from jaxtyping import Float32
 
 from deeplight.contract import CONTRACT_KEY, ModelContract
@@ -17,7 +17,12 @@ from deeplight.estimate.network import (
     cores,
     refuse_other_sizes,
 )
+from deeplight.io.quiet import quiet
 
+_KERNELS = {
+    True: OpResolverType.AUTO,
+    False: OpResolverType.BUILTIN_WITHOUT_DEFAULT_DELEGATES,
+}
 _DO = "give a .tflite file of `deeplight export`"
 
 
@@ -27,20 +32,26 @@ class LiteRTEstimator(NetworkEstimator):
     Args:
         model_path: the .tflite file.
         threads: cores the network may use; left out, all that this process has, at most 4.
+        xnnpack: run float32 and 8-bit layers with XNNPACK, LiteRT's fast kernels.
 
     Raises:
         ModelError: no such file, no TFLite model, not one of ours, or one of another version.
     """
 
-    def __init__(self, model_path: Path | str, threads: int | None = None) -> None:
+    def __init__(
+        self, model_path: Path | str, threads: int | None = None, xnnpack: bool = True
+    ) -> None:
         self.path = Path(model_path)
         content = content_of(self.path)
         self.contract = ModelContract.from_json(contract_text(content, self.path))
         try:
-            self._interpreter = Interpreter(
-                model_content=content, num_threads=threads or min(MAX_THREADS, cores())
-            )
-            self._interpreter.allocate_tensors()
+            with quiet():  # it tells how it runs; stderr is for our one line
+                self._interpreter = Interpreter(
+                    model_content=content,
+                    num_threads=threads or min(MAX_THREADS, cores()),
+                    experimental_op_resolver_type=_KERNELS[xnnpack],
+                )
+                self._interpreter.allocate_tensors()
         except (RuntimeError, ValueError) as error:
             got = f"{self.path}, which LiteRT cannot load"
             raise ModelError("a TFLite model", got, _DO) from error

@@ -1,11 +1,9 @@
 """A trained network as a TFLite file for LiteRT, with its contract inside."""
 
 import copy
-import os
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
-from io import StringIO
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -13,13 +11,10 @@ from jaxtyping import Float32
 from torch import Tensor, nn
 
 from deeplight.contract import ModelContract
-from deeplight.errors import ConfigError
+from deeplight.errors import ConfigError, MissingExtraError
 from deeplight.export.rounding import round_weights
-from deeplight.export.tflite_file import finished
 from deeplight.io.atomic import replacing
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from deeplight.io.quiet import quiet
 
 Precision = Literal["float32", "float16", "int8-weights", "int8"]
 PRECISIONS: tuple[Precision, ...] = ("float32", "float16", "int8-weights", "int8")
@@ -48,8 +43,10 @@ def export_litert(
 
     Raises:
         ConfigError: int8 without enough photos.
-        ModuleNotFoundError: the converter is not installed.
+        MissingExtraError: the converter is not installed.
     """
+    if find_spec("litert_torch") is None:
+        raise MissingExtraError("tflite", "writing TFLite (in an environment of its own)")
     network = copy.deepcopy(generator).eval()
     if precision.startswith("int8"):
         if photos is None or len(photos) < LEAST_PHOTOS:
@@ -57,10 +54,12 @@ def export_litert(
             expected = f"{LEAST_PHOTOS} photos or more to choose integers with"
             raise ConfigError(expected, got, "give --calibrate DATA, a data set")
         round_weights(network, torch.from_numpy(photos))
-    with _silence():
+    with quiet():
         model = converted(network, contract)
         if precision != "float32":
             model = quantised(model, contract, precision, photos)
+    from deeplight.export.tflite_file import finished
+
     with replacing(path) as temporary:
         temporary.write_bytes(finished(model, contract))
 
@@ -131,19 +130,3 @@ def recipe(precision: Precision) -> Any:
         for pattern, name in [*left, *((layer, operation.ALL_SUPPORTED) for layer in EXACT)]:
             rules.add_quantization_config(pattern, name, algorithm_key=AlgorithmName.NO_QUANTIZE)
     return rules.get_quantization_recipe()
-
-
-@contextmanager
-def _silence() -> "Iterator[None]":
-    """Keep the converter's progress and warnings off the terminal; its errors are exceptions."""
-    with ExitStack() as stack:
-        stack.enter_context(redirect_stdout(StringIO()))
-        stack.enter_context(redirect_stderr(StringIO()))
-        # Native code writes past Python's streams.
-        kept = os.dup(2)
-        stack.callback(os.close, kept)
-        stack.callback(os.dup2, kept, 2)
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        stack.callback(os.close, nowhere)
-        os.dup2(nowhere, 2)
-        yield

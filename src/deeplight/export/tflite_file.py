@@ -15,11 +15,20 @@ def finished(content: bytes, contract: ModelContract) -> bytes:
     import flatbuffers
 
     model = schema.ModelT.InitFromPackedBuf(bytearray(content), 0)
+    take_in(model, content)
     free_batch(model)
     add_contract(model, contract)
     builder = flatbuffers.Builder(len(content) + 4096)
     builder.Finish(model.Pack(builder), file_identifier=IDENTIFIER)
     return bytes(builder.Output())
+
+
+def take_in(model: Any, content: bytes) -> None:
+    """Take buffers that lie behind the model back into it."""
+    for buffer in model.buffers:
+        if buffer.offset > 1:  # 0 and 1: the data are in the buffer itself
+            part = content[buffer.offset : buffer.offset + buffer.size]
+            buffer.data, buffer.offset, buffer.size = np.frombuffer(part, np.uint8), 0, 0
 
 
 def add_contract(model: Any, contract: ModelContract) -> None:
