@@ -3,22 +3,27 @@
 python benchmarks/compose_evidence.py data/sim [--split val] [--cases 32] [--out runs/compose]
 
 Takes simulated photos that look down on some ground and carry their true HDR light, spread over
-the places of the split. Into each it puts the bunny, diffuse and silver, five and more times: under
-the true light, the model's, and each baseline's. Writes errors.csv (one row for each picture),
-summary.md (means with 95 % intervals over places), figure.png and run.toml.
+the places of the split. Into each it puts the bunny, diffuse and silver: under the true light, the
+model's, each baseline's, and the true light with other random rays, which says how much of an
+error is noise. Writes errors.csv (one row for each picture), summary.md (means, and paired
+differences, with 95 % intervals over places), figure.png (of each kind of scene the case with the
+model's median error), cases.png (all of them) and run.toml. Interrupted, it finishes with the
+cases it has.
 
-Errors: object = mean absolute difference of pixel values over the object; shadow = mean absolute
-difference of the shadow's factor where either is darker than 0.97; side = angle in degrees between
-the directions in which the two shadows fall, where the true one falls to one side.
+Errors: object = mean absolute difference of pixel values over it; shadow = mean absolute difference
+of its factor, over the pixels that some light's shadow darkens by 3 % (one region for all lights),
+both after a blur of 1.5 pixels against noise; blurred = the shadow's after a Gaussian blur of a
+sixth of the object's size; side = angle in degrees
+between the directions in which the two shadows fall, where both fall to one side.
 """
 
 import argparse
-import csv
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from compose_evidence_tables import AGAIN, KINDS, MATERIALS, Row, summary, write_tables
 from PIL import Image, ImageDraw
 from rich.progress import track
 
@@ -27,32 +32,31 @@ from deeplight.camera_response import LUMINANCE
 from deeplight.dataset import Example, open_dataset
 from deeplight.estimate.onnx_estimator import OnnxEstimator
 from deeplight.evaluate.baselines.suite import baselines_for
-from deeplight.evaluate.bootstrap import PlaceBootstrap
 from deeplight.frames import turned
 from deeplight.harmonics import dominant_light
-from deeplight.io.atomic import replacing
 from deeplight.io.image import write_png
 from deeplight.io.run_record import write_run_toml
 from deeplight.lighting import Lighting
 from deeplight.preprocess import normalise
-from deeplight.render.compose import Composed, Item, Settings, compose
+from deeplight.render.compose import SPAN, Composed, Item, Settings, compose
 from deeplight.render.composite import RESPONSE
 from deeplight.render.ground import Viewpoint
 from deeplight.render.look import blurred
 from deeplight.render.trace import Quality
 from deeplight.simulate.phone import PHONES
 
-TRUTH, MATERIALS = "true light", ("diffuse", "silver")
-KINDS = ("indoor", "shade", "sun")
+TRUTH = "true light"
 STANDS = (0.5, 0.74)  # of the kept photo's width and height
 LEAST_DEPRESSION = 0.30  # sine of how far below the horizon the place lies
 SUN_SHARE = 0.34  # of the power in one direction: outdoors with more is sun, else shade
-COARSE = Quality(samples=8, shadow_samples=16, shadow_pixels=800)
-FINE = Quality(samples=32, shadow_samples=32, shadow_pixels=2000)
+QUALITY = Quality(samples=16, shadow_samples=10, shadow_pixels=16_000, fine=4)
 LATLONG_HEIGHT = 128
 DENOISE_PX = 1.5
+DARK = 0.97  # a shadow is where the factor is smaller
+BLUR = 1 / 6  # of the object's size
 ONE_SIDED = 0.15  # a shadow whose centre is nearer to the object, in object sizes, has no side
-NEAR_TRUTH_DEG = 45
+ENLARGED = 2  # in the figure of few cases
+TILE = (0.10, 0.50, 0.90, 0.82)  # left, top, right, bottom of what a picture of a case shows
 
 
 @dataclass(frozen=True)
@@ -69,21 +73,6 @@ class Case:
         return "sun" if dominant_light(self.lights[TRUTH]).share > SUN_SHARE else "shade"
 
 
-@dataclass(frozen=True)
-class Row:
-    """One picture's errors."""
-
-    key: str
-    place: str
-    kind: str
-    material: str
-    method: str
-    object: float
-    shadow: float
-    side_deg: float
-    light_deg: float
-
-
 def main(args: argparse.Namespace) -> None:
     data = open_dataset(args.data)
     model = OnnxEstimator(threads=1)
@@ -91,27 +80,22 @@ def main(args: argparse.Namespace) -> None:
     names = [estimator.name for estimator in estimators]
     examples = list(chosen(data.index(args.split), args.cases))
     args.out.mkdir(parents=True, exist_ok=True)
-    rows, kept = [], []
-    for example in track(examples, "composing"):
-        case = lit(example, estimators)
-        rows += measured(case, args.scale, COARSE)
-        kept.append(case)
-        write_tables(args.out, rows, names)  # what is done survives an interruption
-    shown = [case for kind in KINDS for case in of_kind(kept, kind, args.figure_cases)]
-    write_png(args.out / "figure.png", figure(shown, names, args.figure_scale))
+    rows, cases, strips = [], [], []
+    try:
+        for example in track(examples, "composing"):
+            case = lit(example, estimators)
+            found, strip = measured(case, args.scale)
+            rows, cases, strips = rows + found, [*cases, case], [*strips, strip]
+            write_tables(args.out, rows, names)
+    except KeyboardInterrupt:
+        print(f"interrupted after {len(cases)} of {len(examples)} cases")
+    write_png(args.out / "cases.png", all_cases(cases, strips, names))
+    shown = [strips[number] for number in medians(cases, rows)]
+    write_png(args.out / "figure.png", figure(shown, names))
     settings = {k: str(v) for k, v in vars(args).items()}
-    facts = {"cases": len(examples), "model": model.sha256, "data": data.manifest_sha256}
+    facts = {"cases": len(cases), "model": model.sha256, "data": data.manifest_sha256}
     write_run_toml(args.out, {"settings": settings}, facts)
     print(summary(rows, names))
-
-
-def write_tables(folder: Path, rows: list[Row], names: list[str]) -> None:
-    with replacing(folder / "errors.csv") as path, path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(asdict(rows[0])))
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
-    with replacing(folder / "summary.md") as path:
-        path.write_text(summary(rows, names), encoding="utf-8")
 
 
 def chosen(index, count: int) -> Iterator[Example]:
@@ -139,36 +123,45 @@ def lit(example: Example, estimators) -> Case:
     return Case(example, lights)
 
 
-def composed(case: Case, method: str, material: str, scale: int, quality: Quality) -> Composed:
+def composed(case: Case, method: str, material: str, scale: int) -> Composed:
     """The bunny in the photo under one method's light."""
     photo = full_frame(case.example, scale)
     height, width, _ = photo.shape
     kept = height * BACKGROUND_FRACTION
     item = Item("bunny", material, (STANDS[0] * width, STANDS[1] * kept), turn_deg=20)
-    settings = Settings(quality, "scalar", blur=False, grain=False)
+    seed, method = (1, TRUTH) if method == AGAIN else (0, method)
+    settings = Settings(QUALITY, blur=False, grain=False, seed=seed, texture=False)
     light = case.lights[method].latlong(LATLONG_HEIGHT)
     return compose(photo, light, viewpoint(case.example, height, width), [item], settings)
 
 
-def measured(case: Case, scale: int, quality: Quality) -> Iterator[Row]:
-    """Errors of every method but the truth, for each material."""
+def measured(case: Case, scale: int) -> tuple[list[Row], list[np.ndarray]]:
+    """Errors of every method but the truth, for each material; the photo and all pictures."""
     truth_towards = dominant_light(case.lights[TRUTH]).direction
+    rows, strip = [], [tile(full_frame(case.example, scale))]
     for material in MATERIALS:
-        true = composed(case, TRUTH, material, scale, quality)
-        for method in list(case.lights)[1:]:
-            towards = dominant_light(case.lights[method]).direction
-            other = composed(case, method, material, scale, quality)
-            yield Row(
-                case.example.key,
-                case.example.meta.place,
-                case.kind,
-                material,
-                method,
-                object_error(true, other),
-                shadow_error(true, other),
-                angle_deg(shadow_side(true), shadow_side(other)),
-                angle_deg(truth_towards, towards),
+        made = {m: composed(case, m, material, scale) for m in (*case.lights, AGAIN)}
+        true, region = made[TRUTH], darkened(made)
+        strip += [tile(made[method].composite.pixels) for method in case.lights]
+        for method in list(made)[1:]:
+            towards = dominant_light(case.lights.get(method, case.lights[TRUTH])).direction
+            shadow, soft = shadow_errors(true, made[method], region)
+            meta = case.example.meta
+            rows.append(
+                Row(
+                    case.example.key,
+                    meta.place,
+                    case.kind,
+                    material,
+                    method,
+                    object_error(true, made[method]),
+                    shadow,
+                    soft,
+                    angle_deg(shadow_side(true), shadow_side(made[method])),
+                    angle_deg(truth_towards, towards),
+                )
             )
+    return rows, strip
 
 
 def object_error(true: Composed, other: Composed) -> float:
@@ -190,16 +183,23 @@ def _denoised(picture: Composed) -> np.ndarray:
     return result
 
 
-def shadow_error(true: Composed, other: Composed) -> float:
-    ours, theirs = (_on_one_crop(c, true, other) for c in (true, other))
-    dark = np.minimum(ours, theirs) < 0.97
-    return float(np.abs(ours - theirs)[dark].mean()) if dark.any() else 0.0
+def darkened(made: dict[str, Composed]) -> np.ndarray:
+    """Where the shadow under some light is visible."""
+    lights = (composed for method, composed in made.items() if method != AGAIN)
+    return np.min([shadow_of(composed) for composed in lights], axis=0) < DARK
 
 
-def _on_one_crop(picture: Composed, *both: Composed) -> np.ndarray:
+def shadow_errors(true: Composed, other: Composed, region: np.ndarray) -> tuple[float, float]:
+    """After a blur that takes out the noise of few samples; and after a wide one."""
+    difference = (shadow_of(other) - shadow_of(true))[..., None]
+    wide_px = BLUR * SPAN * min(difference.shape[:2])
+    sharp, soft = (np.abs(blurred(difference, px))[region] for px in (DENOISE_PX, wide_px))
+    return float(sharp.mean()), float(soft.mean())
+
+
+def shadow_of(picture: Composed) -> np.ndarray:
     """Luminance of the shadow over the whole photo; 1 under objects."""
-    height, width, _ = both[0].composite.pixels.shape
-    result = np.ones((height, width))
+    result = np.ones(picture.composite.pixels.shape[:2])
     layers = picture.composite.layers
     left, top, right, bottom = layers.crop
     part = np.where(layers.cover > 0, 1.0, layers.shadow @ LUMINANCE)
@@ -231,65 +231,52 @@ def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
-def summary(rows: list[Row], names: list[str]) -> str:
-    """Markdown tables: means with intervals, by material and kind, and the sides of shadows."""
-    lines = []
-    for error in ("object", "shadow"):
-        for material in MATERIALS:
-            lines += [f"\n{error}, {material}", "", "| light | all | indoor | shade | sun |"]
-            lines += ["|---|---|---|---|---|"]
-            for name in names:
-                picked = [r for r in rows if r.material == material and r.method == name]
-                cells = [_cell(picked, error)]
-                for kind in KINDS:
-                    cells.append(_cell([r for r in picked if r.kind == kind], error))
-                lines.append(f"| {name} | {' | '.join(cells)} |")
-    lines += ["", f"shadows under light within {NEAR_TRUTH_DEG} degrees of the truth", ""]
-    lines += ["| light | shadows | farthest off | on the wrong side |", "|---|---|---|---|"]
-    for name in names:
-        near = [r.side_deg for r in rows if r.method == name and r.light_deg < NEAR_TRUTH_DEG]
-        near = [side for side in near if np.isfinite(side)]
-        wrong = sum(side > 90 for side in near)
-        most = f"{max(near):.0f} degrees" if near else "-"
-        lines.append(f"| {name} | {len(near)} | {most} | {wrong} |")
-    return "\n".join([*lines, ""])
+def medians(cases: list[Case], rows: list[Row]) -> list[int]:
+    """Of each kind the case whose diffuse object has the model's median error."""
+    errors = {r.key: r.object for r in reversed(rows) if r.material == MATERIALS[0]}
+    found = []
+    for kind in KINDS:
+        numbers = [i for i, case in enumerate(cases) if case.kind == kind]
+        numbers.sort(key=lambda i: errors[cases[i].example.key])
+        found += numbers[(len(numbers) - 1) // 2 :][:1]
+    return found
 
 
-def _cell(rows: list[Row], error: str) -> str:
-    if not rows:
-        return "-"
-    values = np.array([getattr(row, error) for row in rows], float)
-    interval = PlaceBootstrap(np.array([row.place for row in rows])).mean(values)
-    return f"{interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f}, n = {len(rows)})"
+def figure(strips: list[list[np.ndarray]], names: list[str]) -> np.ndarray:
+    """A row for each case and material: the photo, the truth, and every method; enlarged."""
+    count, rows = 1 + len(names), []
+    for photo, *pictures in strips:
+        for first in range(0, len(pictures), count):
+            row = np.concatenate([photo, *pictures[first : first + count]], axis=1)
+            size = (ENLARGED * row.shape[1], ENLARGED * row.shape[0])
+            rows.append(np.asarray(Image.fromarray(row).resize(size, Image.Resampling.BICUBIC)))
+    return headed(np.concatenate(rows), ["photo", TRUTH, *names])
 
 
-def of_kind(cases: list[Case], kind: str, count: int) -> list[Case]:
-    """The first cases of a kind, from different places."""
-    found: dict[str, Case] = {}
-    for case in cases:
-        if case.kind == kind:
-            found.setdefault(case.example.meta.place, case)
-    return list(found.values())[:count]
+def all_cases(cases: list[Case], strips: list[list[np.ndarray]], names: list[str]) -> np.ndarray:
+    """A row for each case: the photo; diffuse and silver under the truth and every method."""
+    order = sorted(range(len(cases)), key=lambda i: KINDS.index(cases[i].kind))
+    rows = np.concatenate([np.concatenate(strips[i], axis=1) for i in order])
+    return headed(rows, ["photo", *2 * [TRUTH, *names]])
 
 
-def figure(cases: list[Case], names: list[str], scale: int) -> np.ndarray:
-    """A row for each case and material: the photo, the truth, and every method."""
-    tiles = []
-    for case in track(cases, "figure"):
-        for material in MATERIALS:
-            photo = _kept(full_frame(case.example, scale))
-            row = [photo]
-            for method in (TRUTH, *names):
-                row.append(_kept(composed(case, method, material, scale, FINE).composite.pixels))
-            tiles.append(np.concatenate(row, axis=1))
-    picture = np.concatenate(tiles)
-    width = tiles[0].shape[1] // (2 + len(names))
-    canvas = Image.new("RGB", (picture.shape[1], picture.shape[0] + 22), "white")
-    canvas.paste(Image.fromarray(picture), (0, 22))
+def headed(picture: np.ndarray, heads: list[str]) -> np.ndarray:
+    """Names above the columns of a picture."""
+    width = picture.shape[1] // len(heads)
+    canvas = Image.new("RGB", (picture.shape[1], picture.shape[0] + 20), "white")
+    canvas.paste(Image.fromarray(picture), (0, 20))
     draw = ImageDraw.Draw(canvas)
-    for number, name in enumerate(("photo", TRUTH, *names)):
-        draw.text((number * width + 6, 5), name.replace("_", " "), "black")
+    for number, name in enumerate(heads):
+        draw.text((number * width + 4, 4), name.replace("_", " "), "black")
     return np.asarray(canvas)
+
+
+def tile(frame: np.ndarray) -> np.ndarray:
+    """The part of a picture around the object."""
+    rows, columns = round(len(frame) * BACKGROUND_FRACTION), frame.shape[1]
+    left, top, right, bottom = TILE
+    across = slice(round(left * columns), round(right * columns))
+    return frame[round(top * rows) : round(bottom * rows), across]
 
 
 def full_frame(example: Example, scale: int) -> np.ndarray:
@@ -299,10 +286,6 @@ def full_frame(example: Example, scale: int) -> np.ndarray:
     pixels = np.asarray(background.resize(size, Image.Resampling.BICUBIC))
     rows = round(size[1] / BACKGROUND_FRACTION) - size[1]
     return np.concatenate([pixels, np.repeat(pixels[-1:], rows, axis=0)])
-
-
-def _kept(frame: np.ndarray) -> np.ndarray:
-    return frame[: round(len(frame) * BACKGROUND_FRACTION)]
 
 
 def viewpoint(example: Example, height: int, width: int) -> Viewpoint:
@@ -327,7 +310,5 @@ if __name__ == "__main__":
     parser.add_argument("--split", default="val")
     parser.add_argument("--cases", type=int, default=32)
     parser.add_argument("--scale", type=int, default=1, help="pixels for one of the background")
-    parser.add_argument("--figure-scale", type=int, default=1)
-    parser.add_argument("--figure-cases", type=int, default=1, help="of each kind of scene")
     parser.add_argument("--out", type=Path, default=Path("runs/compose"))
     main(parser.parse_args())

@@ -1,0 +1,109 @@
+"""The tables of compose_evidence.py: means, paired differences and sides of shadows."""
+
+import csv
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from deeplight.evaluate.bootstrap import PlaceBootstrap
+from deeplight.io.atomic import replacing
+
+AGAIN, MATERIALS = "true light again", ("diffuse", "silver")
+KINDS = ("indoor", "shade", "sun")
+NEAR_TRUTH_DEG = 45
+
+
+@dataclass(frozen=True)
+class Row:
+    """One picture's errors."""
+
+    key: str
+    place: str
+    kind: str
+    material: str
+    method: str
+    object: float
+    shadow: float
+    blurred: float
+    side_deg: float
+    light_deg: float
+
+
+def write_tables(folder: Path, rows: list[Row], names: list[str]) -> None:
+    with replacing(folder / "errors.csv") as path, path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(asdict(rows[0])))
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+    with replacing(folder / "summary.md") as path:
+        path.write_text(summary(rows, names), encoding="utf-8")
+
+
+def summary(rows: list[Row], names: list[str]) -> str:
+    """Markdown tables: means by material and kind, paired differences, sides of shadows."""
+    lines: list[str] = []
+    for error in ("object", "shadow", "blurred"):
+        for material in MATERIALS:
+            lines += [f"\n{error}, {material}", "", "| light | all | indoor | shade | sun |"]
+            lines += ["|---|---|---|---|---|"]
+            for name in (*names, AGAIN):
+                picked = [r for r in rows if r.material == material and r.method == name]
+                cells = [_cell(picked, error)]
+                for kind in KINDS:
+                    cells.append(_cell([r for r in picked if r.kind == kind], error))
+                lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join([*lines, *differences(rows, names), *sides(rows, names), ""])
+
+
+def _cell(rows: list[Row], error: str) -> str:
+    if not rows:
+        return "-"
+    interval = PlaceBootstrap(_places(rows)).mean(_values(rows, error))
+    return f"{interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f}, n = {len(rows)})"
+
+
+def differences(rows: list[Row], names: list[str]) -> list[str]:
+    """The first method's error less each other's, case by case."""
+    columns = [(error, m) for error in ("object", "shadow", "blurred") for m in MATERIALS]
+    lines = ["", f"{names[0]} less the other, pairs of one case; places resampled", ""]
+    lines += ["| light | " + " | ".join(f"{e}, {m}" for e, m in columns) + " |"]
+    lines += ["|---" * (1 + len(columns)) + "|"]
+    for name in names[1:]:
+        cells = []
+        for error, material in columns:
+            ours, theirs = (
+                [r for r in rows if r.material == material and r.method == method]
+                for method in (names[0], name)
+            )
+            pairs = PlaceBootstrap(_places(ours))
+            found = pairs.difference(_values(ours, error), _values(theirs, error))
+            cells.append(f"{found.value:+.3f} ({found.low:+.3f} to {found.high:+.3f})")
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return lines
+
+
+def sides(rows: list[Row], names: list[str]) -> list[str]:
+    """Do shadows fall to the right side where the dominant light is about right?"""
+    lines = ["", f"shadows under dominant light within {NEAR_TRUTH_DEG} degrees of the truth", ""]
+    lines += ["| light | scenes | pictures | without a side | median off | most | wrong side |"]
+    lines += ["|---" * 7 + "|"]
+    for name in names:
+        for kinds in (("sun",), KINDS):
+            near = [r for r in rows if r.method == name and r.kind in kinds]
+            near = [r for r in near if r.light_deg < NEAR_TRUTH_DEG]
+            off = _values(near, "side_deg")
+            told = off[np.isfinite(off)]
+            cells = [len(near), len(near) - len(told), "-", "-", 0]
+            if len(told):
+                cells[2:] = [f"{np.median(told):.0f}", f"{told.max():.0f}", (told > 90).sum()]
+            scenes = "sun" if len(kinds) == 1 else "all"
+            lines.append(f"| {name} | {scenes} | {' | '.join(map(str, cells))} |")
+    return lines
+
+
+def _places(rows: list[Row]) -> np.ndarray:
+    return np.array([row.place for row in rows])
+
+
+def _values(rows: list[Row], error: str) -> np.ndarray:
+    return np.array([getattr(row, error) for row in rows], float)
