@@ -21,7 +21,7 @@ class Args:
     out: Path
     """The picture to write: .png or .jpg; .mp4 for a video."""
     object: Annotated[tuple[str, ...], Many] = ()
-    """bunny (the default), sphere, or a .glb, .gltf, .obj or .ply file."""
+    """bunny (the default), sphere, pot, or a .glb, .gltf, .obj or .ply file."""
     material: Annotated[tuple[str, ...], Many] = ()
     """diffuse (grey, 34.5 %), silver (matte, 49.9 %), mirror, plastic, file (the file's own)."""
     at: Annotated[tuple[tuple[float, float], ...], Many] = ()

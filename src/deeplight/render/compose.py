@@ -26,7 +26,7 @@ class Item:
     """One object to put into the photo.
 
     Attributes:
-        object: "bunny", "sphere" or a mesh file.
+        object: "bunny", "sphere", "pot" or a mesh file.
         material: of `MATERIALS`; None is the file's own, and diffuse for what is built in.
         at: (x, y) pixel of the photo where it stands; None is the lower middle.
         size_m: its longest side in metres; None makes it 30 % of the photo's shorter side.
