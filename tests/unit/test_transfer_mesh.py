@@ -82,6 +82,13 @@ def test_gloss_of_a_high_order_must_fit_into_memory(monkeypatch: pytest.MonkeyPa
         precompute([CUBE], Settings(order=8, longest_edge=2.0))
 
 
+def test_a_mesh_turned_inside_out_is_told() -> None:
+    settings = Settings(samples=32, glossy=None, ground=None, longest_edge=0.6)
+    inwards = Mesh(CORNERS, FACES[:, ::-1])
+    assert "look inwards" in precompute([inwards], settings)[1][-1]
+    assert not any("inwards" in note for note in precompute([CUBE], settings)[1])
+
+
 def test_textures_become_colours_of_vertices() -> None:
     picture = np.zeros((2, 2, 3), np.uint8)
     picture[0, 1] = [255, 0, 0]  # the upper right

@@ -23,6 +23,7 @@ from deeplight.render.transfer_solve import Progress, Solution, Work, solve
 
 MAX_ORDER = 8
 _MOST_GLOSSY = MAX_VERTICES * 25**2  # numbers: 250 MB, twice while light bounces
+_DARK = 0.05  # share of white light
 
 
 @dataclass(frozen=True)
@@ -202,7 +203,15 @@ def precompute(
         glossy=_glossy(solution, normals, settings),
         shadowed=_shadowed(solution, settings),
     )
-    return transfer, notes
+    return transfer, (*notes, *_suspicions(transfer))
+
+
+def _suspicions(transfer: Transfer) -> tuple[str, ...]:
+    """What looks as if the mesh were not meant to be so."""
+    white = transfer.diffuse[:, 0] * np.sqrt(4 * np.pi)
+    if float(np.median(white)) > _DARK:
+        return ()
+    return ("hardly any light gets to most of its vertices: do its faces look inwards?",)
 
 
 def _encoded(surface: Surface) -> UInt8[np.ndarray, "vertices 3"]:
