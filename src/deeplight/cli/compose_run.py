@@ -110,7 +110,7 @@ def viewpoint_of(args: Args, photo: Photo, framing: Framing) -> tuple[Viewpoint,
     pitch, roll = DEFAULT_PITCH_RAD, 0.0
     if tilt is not None:
         pitch, roll = tilt.pitch_rad, tilt.roll_rad
-        notes.append(f"camera tilt from {tilt.source}: {np.degrees(pitch):.0f} degrees up")
+        notes.append(f"camera pitch from {tilt.source}: {np.degrees(pitch):.0f} degrees")
     elif args.pitch is None:
         notes.append(f"camera tilt unknown, assumed {np.degrees(pitch):.0f} degrees: give --pitch")
     pitch = pitch if args.pitch is None else radians(args.pitch)
