@@ -16,7 +16,7 @@ export interface Site {
 
 /** `deeplight demo`, with the content policy that users get. */
 export function serve(): Promise<Site> {
-  const server = spawn(PROGRAM, ["demo", "--port", "0"], { stdio: ["ignore", "pipe", "inherit"] });
+  const server = spawn(PROGRAM, ["demo", "--port", "0"], { stdio: ["ignore", "pipe", "pipe"] });
   const stop = (): Promise<void> =>
     new Promise((stopped) => {
       if (server.exitCode !== null) return stopped();
@@ -26,6 +26,9 @@ export function serve(): Promise<Site> {
   return new Promise((ready, failed) => {
     let said = "";
     server.once("exit", (code) => failed(new Error(`deeplight demo ended with ${code}: ${said}`)));
+    server.stderr.on("data", (chunk: Buffer) => {
+      said += chunk;
+    });
     server.stdout.on("data", (chunk: Buffer) => {
       said += chunk;
       const url = /http:\/\/\S+/.exec(said)?.[0];

@@ -84,10 +84,10 @@ export class Desk {
   async choose(name?: string): Promise<void> {
     try {
       await this.app.showroom.choose(name);
-      this.show();
     } catch (error) {
       this.notice.show(error, () => void this.choose(name));
     }
+    this.show();
   }
 
   /** The user's own object, chosen, dropped or pasted. */

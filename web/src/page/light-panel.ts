@@ -14,7 +14,8 @@ const PANORAMA_HEIGHT = 32;
 const REST_MS = 120;
 
 export class LightPanel {
-  private readonly ready = prepareSpheres();
+  /** Started only once there is light to show: it would hold up the first estimate. */
+  private ready: Promise<void> | null = null;
   private latest: Lighting | null = null;
   private drawn: Lighting | null = null;
   private drawing = false;
@@ -36,6 +37,7 @@ export class LightPanel {
 
   private async draw(): Promise<void> {
     this.drawing = true;
+    this.ready ??= prepareSpheres();
     await this.ready;
     while (this.latest && this.latest !== this.drawn) {
       const lighting = this.latest;
