@@ -43,6 +43,8 @@ export interface How {
   readonly reducedMotion?: boolean;
   /** Lets the page keep itself for offline use; else every file comes from the server. */
   readonly keeps?: boolean;
+  /** Never gets the model: quicker, where no light is needed. */
+  readonly withoutModel?: boolean;
   /** Runs before the page's own scripts. */
   readonly before?: (page: Page) => Promise<unknown>;
 }
@@ -68,6 +70,7 @@ export async function visit(browser: Browser, url: string, how: How = {}): Promi
     const own = origin === new URL(url).origin || protocol === "blob:" || protocol === "data:";
     if (!own || request.method() !== "GET") foreign.push(`${request.method()} ${request.url()}`);
   });
+  if (how.withoutModel) await page.route("**/deeplight.onnx", () => {});
   await how.before?.(page);
   await page.goto(url);
   return {

@@ -148,3 +148,26 @@ test("follows the phone's motion: what stands on the floor leaves the view when 
   expect((await page.locator("#view").screenshot()).equals(ahead)).toBe(false);
   await leave();
 });
+
+test("a camera that goes away is told", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openCamera(page);
+  await page.locator("video").evaluate((video: HTMLVideoElement) => {
+    const [track] = (video.srcObject as MediaStream).getVideoTracks();
+    track!.dispatchEvent(new Event("ended"));
+  });
+  await page.waitForSelector('#notice[open][data-kind="camera-lost"]');
+  expect(await isFilming(page)).toBe(false);
+  await page.click('#notice [data-remedy="camera"]');
+  await expect.poll(() => isFilming(page)).toBe(true);
+  await leave();
+});
+
+test("motion that nobody senses is told", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openCamera(page);
+  await page.click('[data-tray="camera"]');
+  await page.click("#motion");
+  await page.waitForSelector('#notice[open][data-kind="no-motion"]');
+  await leave();
+});

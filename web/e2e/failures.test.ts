@@ -50,7 +50,10 @@ test.each([
   ["NotAllowedError", "denied"],
   ["NotReadableError", "camera-busy"],
 ])("%s is told as %s, and the camera can be tried again", async (error, kind) => {
-  const { page, leave } = await visit(browser, site.url, { before: cameraFails(error) });
+  const { page, leave } = await visit(browser, site.url, {
+    withoutModel: true,
+    before: cameraFails(error),
+  });
   await page.click("#open-camera");
   await told(page, kind, "camera");
   await page.click('#notice [data-remedy="camera"]');
@@ -66,7 +69,7 @@ test("an address that is not safe", async () => {
       Object.defineProperty(navigator, "mediaDevices", { value: undefined });
       Object.defineProperty(window, "isSecureContext", { value: false });
     });
-  const { page, leave } = await visit(browser, site.url, { before });
+  const { page, leave } = await visit(browser, site.url, { withoutModel: true, before });
   await page.click("#open-camera");
   await told(page, "insecure", "photo");
   await leave();
@@ -123,7 +126,7 @@ test("no WebGL", async () => {
     page.addInitScript(() => {
       HTMLCanvasElement.prototype.getContext = () => null;
     });
-  const { page, leave } = await visit(browser, site.url, { before });
+  const { page, leave } = await visit(browser, site.url, { withoutModel: true, before });
   await told(page, "no-webgl", "reload");
   await leave(/WebGL/);
 });
@@ -132,7 +135,7 @@ test.each([
   ["a text", "photo-unreadable", Buffer.from("no photo")],
   ["100 megabytes", "photo-too-large", Buffer.alloc(1)],
 ])("%s instead of a photo", async (_, kind, buffer) => {
-  const { page, leave } = await visit(browser, site.url);
+  const { page, leave } = await visit(browser, site.url, { withoutModel: true });
   if (kind === "photo-too-large") {
     await page.evaluate(() => {
       Object.defineProperty(File.prototype, "size", { get: () => 101e6 });

@@ -2,9 +2,9 @@
 import { readFile } from "node:fs/promises";
 import { fileURLToPath } from "node:url";
 import type { Browser, Page } from "playwright-core";
-import { afterAll, beforeAll, expect, test } from "vitest";
+import { afterAll, beforeAll, describe, expect, test } from "vitest";
 import { boxGlb } from "./box.ts";
-import { DESKTOP, launch, PHONE_LYING, untilLit, visit } from "./browser.ts";
+import { DESKTOP, launch, PHONE_LYING, untilLit, type Visit, visit } from "./browser.ts";
 import { PHOTOS } from "./clip.ts";
 import { pixels, saved } from "./pictures.ts";
 import { ballOf, estimated, farthest, type Site, serve } from "./python.ts";
@@ -46,27 +46,83 @@ test.each([
   await leave();
 });
 
-test("the picture is the photo, with an object and its shadow only where it stands", async () => {
-  const { page, leave } = await visit(browser, site.url);
-  await openPhoto(page, CANTEEN);
-  const photo = await pixels(page, await readFile(CANTEEN));
-  const picture = await pixels(page, await saved(page, "#save-picture"));
-  expect([picture.width, picture.height]).toEqual([photo.width, photo.height]);
-  const strips: readonly (readonly [number, number, number, number])[] = [
-    [0, 0, 1, 0.3],
-    [0, 0.3, 0.1, 1],
-    [0.9, 0.3, 1, 1],
-  ];
-  for (const strip of strips) {
-    for (const channel of [0, 1, 2]) {
-      expect(picture.mean(...strip, channel)).toBeCloseTo(photo.mean(...strip, channel), 0);
+describe("with one photo", () => {
+  let page: Page;
+  let leave: Visit["leave"];
+  beforeAll(async () => {
+    ({ page, leave } = await visit(browser, site.url));
+    await openPhoto(page, CANTEEN);
+  });
+  afterAll(() => leave());
+
+  test("the picture is the photo, with an object and its shadow only where it stands", async () => {
+    const photo = await pixels(page, await readFile(CANTEEN));
+    const picture = await pixels(page, await saved(page, "#save-picture"));
+    expect([picture.width, picture.height]).toEqual([photo.width, photo.height]);
+    const strips: readonly (readonly [number, number, number, number])[] = [
+      [0, 0, 1, 0.3],
+      [0, 0.3, 0.1, 1],
+      [0.9, 0.3, 1, 1],
+    ];
+    for (const strip of strips) {
+      for (const channel of [0, 1, 2]) {
+        expect(picture.mean(...strip, channel)).toBeCloseTo(photo.mean(...strip, channel), 0);
+      }
     }
-  }
-  const [x, y] = [0.5, 0.64]; // the bunny's body
-  expect(Math.abs(picture.at(x, y)[0]! - photo.at(x, y)[0]!)).toBeGreaterThan(10);
-  const hdr = (await saved(page, "#save-hdr")).toString("latin1");
-  expect(hdr).toMatch(/^#\?RADIANCE\n[\s\S]*-Y 256 \+X 512\n/);
-  await leave();
+    const [x, y] = [0.5, 0.64]; // the bunny's body
+    expect(Math.abs(picture.at(x, y)[0]! - photo.at(x, y)[0]!)).toBeGreaterThan(10);
+    const hdr = (await saved(page, "#save-hdr")).toString("latin1");
+    expect(hdr).toMatch(/^#\?RADIANCE\n[\s\S]*-Y 256 \+X 512\n/);
+  });
+
+  test("the object is dragged, turned and scaled", async () => {
+    await page.click('[data-tray="object"]');
+    const shown = async (): Promise<(string | null)[]> => [
+      await page.textContent("#turn-value"),
+      await page.textContent("#size-value"),
+    ];
+    const before = await shown();
+    await page.mouse.move(195, 500);
+    await page.mouse.wheel(0, -300);
+    await page.keyboard.down("Shift");
+    await page.mouse.wheel(0, 120);
+    await page.keyboard.up("Shift");
+    await expect.poll(shown).not.toEqual(before);
+    const [turn, size] = await shown();
+    expect(turn).not.toBe(before[0]);
+    expect(size).not.toBe(before[1]);
+    const still = await pixels(page, await saved(page, "#save-picture"));
+    await page.mouse.move(195, 560);
+    await page.mouse.down();
+    await page.mouse.move(300, 640, { steps: 4 });
+    await page.mouse.up();
+    const moved = await pixels(page, await saved(page, "#save-picture"));
+    expect(moved.at(0.5, 0.62)).not.toEqual(still.at(0.5, 0.62));
+  });
+
+  test("every material is another picture", async () => {
+    const seen: string[] = [];
+    for (const material of ["Grey", "Matte silver", "Mirror", "Glossy"]) {
+      await page.click('[data-tray="material"]');
+      await page.getByText(material, { exact: true }).click();
+      const picture = await pixels(page, await saved(page, "#save-picture"));
+      seen.push(String(picture.at(0.53, 0.64)));
+    }
+    expect(new Set(seen).size).toBe(4);
+  });
+
+  test("the user's own .glb stands there in its own colours; a broken one is refused", async () => {
+    await page.setInputFiles("#model-file", { ...GLB, buffer: boxGlb() });
+    await page.waitForSelector("#objects >> text=box.glb", { state: "attached" });
+    const picture = await pixels(page, await saved(page, "#save-picture"));
+    const [red, green] = picture.at(0.5, 0.62);
+    expect(red).toBeGreaterThan(2 * green!);
+    await page.setInputFiles("#model-file", { ...GLB, buffer: boxGlb().subarray(0, 900) });
+    await page.waitForSelector('#notice[data-kind="glb-broken"]');
+    await page.keyboard.press("Escape");
+    const again = await pixels(page, await saved(page, "#save-picture"));
+    expect(again.at(0.5, 0.62)).toEqual([red, green, picture.at(0.5, 0.62)[2]]);
+  });
 });
 
 test("an example opens with one click, and its light is there within seconds", async () => {
@@ -79,64 +135,6 @@ test("an example opens with one click, and its light is there within seconds", a
   expect(await page.textContent("#status")).toMatch(/Light estimated/);
   await page.goBack();
   await page.waitForSelector("#start:visible");
-  await leave();
-});
-
-test("the object is dragged, turned and scaled", async () => {
-  const { page, leave } = await visit(browser, site.url);
-  await openPhoto(page, CANTEEN);
-  await page.click('[data-tray="object"]');
-  const shown = async (): Promise<(string | null)[]> => [
-    await page.textContent("#turn-value"),
-    await page.textContent("#size-value"),
-  ];
-  const before = await shown();
-  await page.mouse.move(195, 500);
-  await page.mouse.wheel(0, -300);
-  await page.keyboard.down("Shift");
-  await page.mouse.wheel(0, 120);
-  await page.keyboard.up("Shift");
-  await expect.poll(shown).not.toEqual(before);
-  const [turn, size] = await shown();
-  expect(turn).not.toBe(before[0]);
-  expect(size).not.toBe(before[1]);
-  const still = await pixels(page, await saved(page, "#save-picture"));
-  await page.mouse.move(195, 560);
-  await page.mouse.down();
-  await page.mouse.move(300, 640, { steps: 4 });
-  await page.mouse.up();
-  const moved = await pixels(page, await saved(page, "#save-picture"));
-  expect(moved.at(0.5, 0.62)).not.toEqual(still.at(0.5, 0.62));
-  await leave();
-});
-
-test("every material is another picture", async () => {
-  const { page, leave } = await visit(browser, site.url);
-  await openPhoto(page, CANTEEN);
-  const seen: string[] = [];
-  for (const material of ["Grey", "Matte silver", "Mirror", "Glossy"]) {
-    await page.click('[data-tray="material"]');
-    await page.getByText(material, { exact: true }).click();
-    const picture = await pixels(page, await saved(page, "#save-picture"));
-    seen.push(String(picture.at(0.53, 0.64)));
-  }
-  expect(new Set(seen).size).toBe(4);
-  await leave();
-});
-
-test("the user's own .glb stands there in its own colours; a broken one is refused", async () => {
-  const { page, leave } = await visit(browser, site.url);
-  await openPhoto(page, CANTEEN);
-  await page.setInputFiles("#model-file", { ...GLB, buffer: boxGlb() });
-  await page.waitForSelector("#objects >> text=box.glb", { state: "attached" });
-  const picture = await pixels(page, await saved(page, "#save-picture"));
-  const [red, green] = picture.at(0.5, 0.62);
-  expect(red).toBeGreaterThan(2 * green!);
-  await page.setInputFiles("#model-file", { ...GLB, buffer: boxGlb().subarray(0, 900) });
-  await page.waitForSelector('#notice[data-kind="glb-broken"]');
-  await page.keyboard.press("Escape");
-  const again = await pixels(page, await saved(page, "#save-picture"));
-  expect(again.at(0.5, 0.62)).toEqual([red, green, picture.at(0.5, 0.62)[2]]);
   await leave();
 });
 

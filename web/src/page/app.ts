@@ -43,6 +43,8 @@ export class App {
   /** How the phone was held when its picture was frozen. */
   private heldPose: Matrix3x3 | null = null;
   private wasFrozen = false;
+  /** Counts what was opened and closed: a camera that comes too late is not wanted any more. */
+  private asked = 0;
   /** The camera is off because nobody sees the page. */
   private sleeping = false;
   private estimator: Estimator | null = null;
@@ -76,17 +78,21 @@ export class App {
 
   async openCamera(facing: Facing = this.facing): Promise<void> {
     const goesOn = this.shows === "live" || this.shows === "frozen";
+    const { tiltRad } = this;
+    this.release();
+    const { asked } = this;
     try {
-      this.release();
       const camera = await LiveCamera.open(element("video", HTMLVideoElement), facing);
+      if (asked !== this.asked) return camera.close(); // something else was opened meanwhile
       this.facing = camera.facing;
       camera.onLost = () => {
         this.leave();
         this.notice.show(new Failure("camera-lost"));
       };
-      this.show(camera, goesOn ? this.tiltRad : ASSUMED_TILT_RAD, goesOn);
+      this.show(camera, goesOn ? tiltRad : ASSUMED_TILT_RAD, goesOn);
       button("switch-camera").hidden = !(await hasSeveralCameras());
     } catch (error) {
+      if (asked !== this.asked) return;
       this.leave();
       this.notice.show(error);
     }
@@ -135,7 +141,9 @@ export class App {
   cameraWasSet(lightToo: boolean): void {
     const place = this.stage.place();
     this.heldPose = null;
+    this.smoother.reset(); // the light did not turn, our idea of the camera did
     this.stage.setPose(this.pose());
+    if (this.light) this.stage.setLight(this.light, this.pose());
     this.stage.layOut();
     this.hand.standAt(...place);
     if (lightToo) this.watch?.look();
@@ -179,6 +187,7 @@ export class App {
   }
 
   private placeAgain(): void {
+    this.smoother.reset();
     this.stage.setPose(this.pose());
     this.hand.reset();
     this.onChange();
@@ -233,6 +242,7 @@ export class App {
   }
 
   private release(): void {
+    this.asked++;
     this.watch?.stop();
     this.picture?.close();
     this.picture = null;

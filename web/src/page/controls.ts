@@ -49,7 +49,10 @@ export class Chips {
   ) {}
 
   show(choices: readonly Choice[], chosen: string | null): void {
-    box(this.id).replaceChildren(...choices.map((choice) => this.made(choice, chosen)));
+    const chips = box(this.id);
+    const hadFocus = chips.contains(document.activeElement);
+    chips.replaceChildren(...choices.map((choice) => this.made(choice, chosen)));
+    if (hadFocus) chips.querySelector<HTMLElement>(":checked")?.focus();
   }
 
   private made(choice: Choice, chosen: string | null): HTMLElement {
