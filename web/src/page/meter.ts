@@ -6,7 +6,8 @@ export class Meter {
   /** One estimate more. */
   count(nowMs: number, tookMs: number): void {
     this.times.push(nowMs);
-    while (nowMs - this.times[0]! > 1000) this.times.shift();
+    // Two stay however far apart, so that a slow device has a rate too.
+    while (this.times.length > 2 && nowMs - this.times[0]! > 1000) this.times.shift();
     this.ms = this.times.length === 1 ? tookMs : this.ms + 0.2 * (tookMs - this.ms);
   }
 
@@ -22,6 +23,7 @@ export class Meter {
   toString(): string {
     if (!this.times.length) return "estimating";
     const ms = `${this.ms.toFixed(this.ms < 10 ? 1 : 0)} ms`;
-    return this.times.length > 1 ? `${ms} · ${this.estimatesPerSecond.toFixed(0)} per second` : ms;
+    const rate = this.estimatesPerSecond;
+    return rate > 0 ? `${ms} · ${rate.toFixed(rate < 10 ? 1 : 0)} per second` : ms;
   }
 }
