@@ -7,6 +7,8 @@ import pytest
 from deeplight.cli.main import main
 from deeplight.render.transfer_file import read
 
+pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
+
 CUBE = """v 0 0 0
 v 1 0 0
 v 0 1 0

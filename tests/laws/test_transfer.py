@@ -14,6 +14,8 @@ from deeplight.render.transfer_clusters import clustered
 from deeplight.render.transfer_ground import Ground
 from deeplight.render.transfer_rays import hemisphere
 
+pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
+
 FLOATING = Settings(samples=256, bounces=0, glossy=None, ground=None, longest_edge=1.0)
 STANDING = replace(FLOATING, ground=Ground(size=16, reflectivity=0.3))
 WHITE = np.zeros((25, 3))

@@ -15,6 +15,8 @@ from deeplight.render.transfer import Settings, Transfer, precompute
 from deeplight.render.transfer_file import LAYOUT, decode, encode, read, write
 from deeplight.render.transfer_ground import Ground
 
+pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
+
 
 @pytest.fixture(scope="module")
 def transfer() -> Transfer:
