@@ -13,7 +13,8 @@ cases it has.
 Errors: object = mean absolute difference of pixel values over it; shadow = mean absolute difference
 of its factor, over the pixels that some light's shadow darkens by 3 % (one region for all lights),
 both after a blur of 1.5 pixels against noise; blurred = the shadow's after a Gaussian blur of a
-sixth of the object's size; side = angle in degrees
+sixth of the object's size; darkness = what the shadow takes of the light there, over what the true
+one takes; "no shadow" is the error of leaving it out; side = angle in degrees
 between the directions in which the two shadows fall, where both fall to one side.
 """
 
@@ -23,7 +24,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from compose_evidence_tables import AGAIN, KINDS, MATERIALS, Row, summary, write_tables
+from compose_evidence_tables import (
+    AGAIN,
+    KINDS,
+    MATERIALS,
+    UNSHADOWED,
+    Row,
+    summary,
+    write_tables,
+)
 from PIL import Image, ImageDraw
 from rich.progress import track
 
@@ -137,31 +146,33 @@ def composed(case: Case, method: str, material: str, scale: int) -> Composed:
 
 def measured(case: Case, scale: int) -> tuple[list[Row], list[np.ndarray]]:
     """Errors of every method but the truth, for each material; the photo and all pictures."""
-    truth_towards = dominant_light(case.lights[TRUTH]).direction
     rows, strip = [], [tile(full_frame(case.example, scale))]
     for material in MATERIALS:
         made = {m: composed(case, m, material, scale) for m in (*case.lights, AGAIN)}
-        true, region = made[TRUTH], darkened(made)
         strip += [tile(made[method].composite.pixels) for method in case.lights]
-        for method in list(made)[1:]:
-            towards = dominant_light(case.lights.get(method, case.lights[TRUTH])).direction
-            shadow, soft = shadow_errors(true, made[method], region)
+        shadows = {method: shadow_of(picture) for method, picture in made.items()}
+        region = np.min([shadows[method] for method in case.lights], axis=0) < DARK
+        shadows[UNSHADOWED] = np.ones_like(shadows[TRUTH])
+        for method in list(shadows)[1:]:
+            sharp, soft, darkness = shadow_errors(shadows[TRUTH], shadows[method], region)
             meta = case.example.meta
-            rows.append(
-                Row(
-                    case.example.key,
-                    meta.place,
-                    case.kind,
-                    material,
-                    method,
-                    object_error(true, made[method]),
-                    shadow,
-                    soft,
-                    angle_deg(shadow_side(true), shadow_side(made[method])),
-                    angle_deg(truth_towards, towards),
-                )
-            )
+            first = (case.example.key, meta.place, case.kind, material, method)
+            others = errors(case, made, method)
+            rows.append(Row(*first, others[0], sharp, soft, darkness, *others[1:]))
     return rows, strip
+
+
+def errors(case: Case, made: dict[str, Composed], method: str) -> tuple[float, float, float]:
+    """Of the object, the side of its shadow and the dominant light; nan without a picture."""
+    if method not in made:
+        return (np.nan, np.nan, np.nan)
+    lights = (case.lights[TRUTH], case.lights.get(method, case.lights[TRUTH]))
+    true, other = made[TRUTH], made[method]
+    return (
+        object_error(true, other),
+        angle_deg(shadow_side(true), shadow_side(other)),
+        angle_deg(*(dominant_light(light).direction for light in lights)),
+    )
 
 
 def object_error(true: Composed, other: Composed) -> float:
@@ -183,18 +194,15 @@ def _denoised(picture: Composed) -> np.ndarray:
     return result
 
 
-def darkened(made: dict[str, Composed]) -> np.ndarray:
-    """Where the shadow under some light is visible."""
-    lights = (composed for method, composed in made.items() if method != AGAIN)
-    return np.min([shadow_of(composed) for composed in lights], axis=0) < DARK
-
-
-def shadow_errors(true: Composed, other: Composed, region: np.ndarray) -> tuple[float, float]:
-    """After a blur that takes out the noise of few samples; and after a wide one."""
-    difference = (shadow_of(other) - shadow_of(true))[..., None]
-    wide_px = BLUR * SPAN * min(difference.shape[:2])
+def shadow_errors(
+    true: np.ndarray, other: np.ndarray, region: np.ndarray
+) -> tuple[float, float, float]:
+    """After a blur that takes out the noise of few samples; after a wide one; the darkness."""
+    difference = (other - true)[..., None]
+    wide_px = BLUR * SPAN * min(true.shape)
     sharp, soft = (np.abs(blurred(difference, px))[region] for px in (DENOISE_PX, wide_px))
-    return float(sharp.mean()), float(soft.mean())
+    darkness = (1 - other)[region].sum() / max((1 - true)[region].sum(), 1e-9)
+    return float(sharp.mean()), float(soft.mean()), float(darkness)
 
 
 def shadow_of(picture: Composed) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from deeplight.evaluate.bootstrap import PlaceBootstrap
 from deeplight.io.atomic import replacing
 
+UNSHADOWED = "no shadow"
 AGAIN, MATERIALS = "true light again", ("diffuse", "silver")
 KINDS = ("indoor", "shade", "sun")
 NEAR_TRUTH_DEG = 45
@@ -26,6 +27,7 @@ class Row:
     object: float
     shadow: float
     blurred: float
+    darkness: float
     side_deg: float
     light_deg: float
 
@@ -40,13 +42,13 @@ def write_tables(folder: Path, rows: list[Row], names: list[str]) -> None:
 
 
 def summary(rows: list[Row], names: list[str]) -> str:
-    """Markdown tables: means by material and kind, paired differences, sides of shadows."""
+    """Markdown: means (of darkness medians) by material and kind, paired differences, sides."""
     lines: list[str] = []
-    for error in ("object", "shadow", "blurred"):
+    for error in ("object", "shadow", "blurred", "darkness"):
         for material in MATERIALS:
             lines += [f"\n{error}, {material}", "", "| light | all | indoor | shade | sun |"]
             lines += ["|---|---|---|---|---|"]
-            for name in (*names, AGAIN):
+            for name in (*names, AGAIN, UNSHADOWED):
                 picked = [r for r in rows if r.material == material and r.method == name]
                 cells = [_cell(picked, error)]
                 for kind in KINDS:
@@ -58,7 +60,9 @@ def summary(rows: list[Row], names: list[str]) -> str:
 def _cell(rows: list[Row], error: str) -> str:
     if not rows:
         return "-"
-    interval = PlaceBootstrap(_places(rows)).mean(_values(rows, error))
+    bootstrap, values = PlaceBootstrap(_places(rows)), _values(rows, error)
+    # A quotient may be huge where the true shadow is nearly nothing.
+    interval = bootstrap.median(values) if error == "darkness" else bootstrap.mean(values)
     return f"{interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f}, n = {len(rows)})"
 
 
