@@ -101,6 +101,7 @@ describe("with one photo", () => {
   });
 
   test("every material is another picture", async () => {
+    await page.locator("#view").press("Home");
     const seen: string[] = [];
     for (const material of ["Grey", "Matte silver", "Mirror", "Glossy"]) {
       await page.click('[data-tray="material"]');
@@ -112,6 +113,7 @@ describe("with one photo", () => {
   });
 
   test("the user's own .glb stands there in its own colours; a broken one is refused", async () => {
+    await page.locator("#view").press("Home");
     await page.setInputFiles("#model-file", { ...GLB, buffer: boxGlb() });
     await page.waitForSelector("#objects >> text=box.glb", { state: "attached" });
     const picture = await pixels(page, await saved(page, "#save-picture"));
