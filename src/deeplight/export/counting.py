@@ -63,5 +63,5 @@ def _of_tflite(path: Path) -> list[tuple[list[int], int, int]]:
     return layers
 
 
-def _shape(graph: Any, number: int) -> list[int]:
+def _shape(graph: Any, number: Any) -> list[int]:
     return [int(size) for size in graph.tensors[number].shape]

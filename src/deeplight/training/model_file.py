@@ -1,7 +1,8 @@
 """A trained network from any file that holds one: a run, its best weights, or an exported ONNX."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -60,9 +61,20 @@ def _from_onnx(path: Path) -> tuple[Generator, ModelContract]:
         tensor.name.removesuffix(".float16"): torch.tensor(numpy_helper.to_array(tensor)).float()
         for tensor in model.graph.initializer
     }
+    add_equal_biases(state, model.graph.node)
     generator = Generator(_shape_of(state, contract, path)).eval()
     _fill(generator, {name: state[name] for name in generator.state_dict() if name in state}, path)
     return generator, contract
+
+
+def add_equal_biases(state: dict[str, Tensor], nodes: Iterable[Any]) -> None:
+    """Put biases back under their names: the exporter stores equal ones once, and zeros never."""
+    for node in nodes:
+        weight = node.input[1] if node.op_type in ("Conv", "Gemm") else ""
+        if weight.endswith(".weight") and weight in state:
+            shared = state.get(node.input[2]) if len(node.input) > 2 else None
+            bias = torch.zeros(len(state[weight])) if shared is None else shared
+            state.setdefault(f"{weight.removesuffix('weight')}bias", bias)
 
 
 def _shape_of(state: Mapping[str, Tensor], contract: ModelContract, path: Path) -> NetworkConfig:
