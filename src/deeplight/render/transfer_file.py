@@ -22,6 +22,7 @@ WIDE = 4  # columns of a table that get 16 bits
 _HEADER = struct.Struct("<4sHHII4BIIHH3f3f3f2f2f12x")
 _CHECKED_FROM = 16  # the checksum covers everything behind itself
 _LIMITS = {"vertices": MAX_VERTICES, "triangles": 2_000_000, "ground": MOST_POINTS, "clusters": 64}
+_LARGEST = 1_000_000  # number that a header, a table's scale or a matrix's may hold
 
 LAYOUT: dict[str, Any] = {
     "magic": int.from_bytes(MAGIC, "little"),
@@ -30,7 +31,7 @@ LAYOUT: dict[str, Any] = {
     "checked_from": _CHECKED_FROM,
     "flags": {"glossy": GLOSSY, "ground": GROUND, "colours": COLOURS},
     "wide_columns": WIDE,
-    "most": {**_LIMITS, "order": MAX_ORDER},
+    "most": {**_LIMITS, "order": MAX_ORDER, "number": _LARGEST},
     "ground_middle_step": MIDDLE_STEP,
 }
 """What another reader has to know; the page's is made from it."""
@@ -198,7 +199,7 @@ def _checked(content: bytes, name: str) -> _Header:
     some = min(vertices, triangles, order) >= 1 and flags < 8
     some = some and (not flags & GLOSSY or min(clusters, components) >= 1)
     some = some and (not flags & GROUND or (ground >= 2 and 0 <= numbers[12] <= 1))
-    if not (fits and some and order <= MAX_ORDER and np.isfinite(numbers).all()):
+    if not (fits and some and order <= MAX_ORDER and _sane(numbers)):
         raise _damaged(name, "a header with numbers out of range")
     size = _HEADER.size + sum(size + (-size) % 4 for _, size in header.sections())
     if len(content) != size or total != size:
@@ -206,6 +207,10 @@ def _checked(content: bytes, name: str) -> _Header:
     if zlib.crc32(content[_CHECKED_FROM:]) != checksum:
         raise _damaged(name, "another checksum than its own")
     return header
+
+
+def _sane(numbers: Any) -> bool:
+    return bool((np.abs(numbers) <= _LARGEST).all())  # nan is not
 
 
 def _damaged(name: str, how: str) -> ImageFileError:
@@ -222,8 +227,8 @@ def _glossy(header: _Header, parts: dict[str, bytes], name: str) -> Glossy:
     rows = shape[0] * shape[1]
     scale = np.frombuffer(parts["matrices"][: 4 * rows], "<f4")
     steps = np.frombuffer(parts["matrices"][4 * rows :], np.int8).reshape(rows, -1)
-    if not np.isfinite(scale).all():
-        raise _damaged(name, "numbers that are no numbers")
+    if not _sane(scale):
+        raise _damaged(name, "numbers out of range")
     matrices = (steps * scale[:, None]).astype(np.float32).reshape(shape)
     reflectivity, roughness = header.numbers[9:11]
     return Glossy(reflectivity, roughness, Clusters(cluster, weights, matrices))
@@ -261,8 +266,8 @@ def _table(values: np.ndarray) -> bytes:
 def _from_table(part: bytes, rows: int, columns: int, name: str) -> np.ndarray:
     wide, at = min(WIDE, columns), 8 * columns
     low, step = np.frombuffer(part[:at], "<f4").reshape(columns, 2).T
-    if not (np.isfinite(low).all() and np.isfinite(step).all()):
-        raise _damaged(name, "numbers that are no numbers")
+    if not (_sane(low) and _sane(step)):
+        raise _damaged(name, "numbers out of range")
     first = np.frombuffer(part[at : at + 2 * rows * wide], "<u2").reshape(wide, rows)
     rest = np.frombuffer(part[at + 2 * rows * wide :], np.uint8).reshape(columns - wide, rows)
     number = np.concatenate([first.astype(np.float32), rest.astype(np.float32)])

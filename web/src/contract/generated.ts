@@ -181,7 +181,8 @@ export const TRANSFER = {
     "triangles": 2000000,
     "ground": 256,
     "clusters": 64,
-    "order": 8
+    "order": 8,
+    "number": 1000000
   },
   "ground_middle_step": 0.4
 } as const;

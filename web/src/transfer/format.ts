@@ -136,7 +136,7 @@ function readHeader(buffer: ArrayBuffer): Header {
     aboutGlossy: [at(9), at(10)],
     aboutGround: [at(11), at(12)],
   };
-  if (!inRange(header) || !floats.every(Number.isFinite)) throw damaged("has numbers out of range");
+  if (!inRange(header) || !floats.every(isSane)) throw damaged("has numbers out of range");
   const size = expectedBytes(header);
   if (buffer.byteLength !== size || view.getUint32(8, true) !== size) {
     throw damaged(`has ${buffer.byteLength} bytes where its header tells ${size}`);
@@ -174,6 +174,9 @@ function expectedBytes(header: Header): number {
   if (flags & FLAGS.ground) parts.push(tableBytes(groundSize ** 2, coefficients));
   return parts.reduce((sum, bytes) => sum + filled(bytes), HEADER_BYTES);
 }
+
+/** NaN is not. */
+const isSane = (value: number) => Math.abs(value) <= MOST.number;
 
 const filled = (bytes: number) => Math.ceil(bytes / 4) * 4;
 
@@ -224,7 +227,7 @@ function takeTable(cursor: Cursor, rows: number, columns: number): Float32Array 
   const wide = Math.min(WIDE, columns);
   const part = cursor.take(tableBytes(rows, columns));
   const scales = new Float32Array(part, 0, 2 * columns);
-  if (!scales.every(Number.isFinite)) throw damaged("has numbers that are no numbers");
+  if (!scales.every(isSane)) throw damaged("has numbers out of range");
   const first = new Uint16Array(part, 8 * columns, rows * wide);
   const rest = new Uint8Array(part, 8 * columns + 2 * rows * wide);
   const table = new Float32Array(rows * columns);
@@ -248,7 +251,7 @@ function takeGlossy(cursor: Cursor, header: Header): GlossyTransfer {
   const each = coefficients ** 2;
   const part = cursor.take(count * (4 + each));
   const scales = new Float32Array(part, 0, count);
-  if (!scales.every(Number.isFinite)) throw damaged("has numbers that are no numbers");
+  if (!scales.every(isSane)) throw damaged("has numbers out of range");
   const matrices = Float32Array.from(new Int8Array(part, 4 * count), (step, i) => {
     return step * scales[Math.floor(i / each)]!;
   });
