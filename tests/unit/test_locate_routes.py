@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,10 @@ TAG = TagRig(
 
 class Drawn(Still):
     """A frame that is not from a file."""
+
+    @cached_property
+    def luma(self) -> np.ndarray:
+        return cv2.cvtColor(self.rgb(), cv2.COLOR_RGB2GRAY)
 
     def rgb(self) -> np.ndarray:
         return np.asarray(self._frame)
@@ -94,8 +99,7 @@ def clip(cones: dict[str, Cone], tag: bool = False, moving: bool = True) -> Iter
             paste_tag(frame)
         noisy = frame + rng.normal(0, 1.0, frame.shape)
         pixels = np.clip(noisy, 0, 255).astype(np.uint8)
-        luma = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
-        yield Drawn(number, number / 30, luma, pixels)  # type: ignore[arg-type]
+        yield Drawn(number, number / 30, pixels)  # type: ignore[arg-type]
 
 
 def found(frames: Iterator[Drawn], rig: Rig | TagRig | None) -> dict[str, Cone]:

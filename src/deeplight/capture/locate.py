@@ -40,9 +40,9 @@ _FULL_SUPPORT = 0.35  # the same where less speaks for a sphere: no motion, or a
 _ERROR_FOR_SUPPORT = 0.22  # the fainter the outlines, the better the light must explain the spheres
 _UNCLEAR = 0.5  # support below which a person should look
 _LEAST_SEEN = 0.5  # share of the outline that must lie inside the picture
-_LEAST_CONFIDENCE = 0.8  # in the names
-_LARGEST_ERROR = 0.13  # of pixel values, with which the mirror explains the others
-_NAMING_FRAMES = 4
+_LEAST_CONFIDENCE = 0.9  # in the names
+_LARGEST_ERROR = 0.16  # of pixel values, with which the mirror explains the others
+_NAMING_FRAMES = 6
 _STIFFNESS = 0.08  # of the sizes that a tag tells; see `Size`
 _SAVED_SHIFT = 0.25  # how far, in radii, a saved rig's sphere may have moved
 

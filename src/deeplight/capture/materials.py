@@ -2,8 +2,9 @@
 
 Each way to give the three names is tried. The sphere taken for the mirror is read as the light, and
 a matte silver and a diffuse sphere are lit by it (equation 1) and compared with the pictures
-of the two others. Light that is clipped in the mirror may be as bright as suits best. How fine the
-detail is that a sphere shows counts too: most in the mirror, least in the diffuse one.
+of the two others. Light that is clipped in the mirror may be as bright as suits best, but it is one
+light for both. How fine the detail is that a sphere shows counts too: most in the mirror, least in
+the diffuse one.
 """
 
 from dataclasses import dataclass
@@ -23,13 +24,16 @@ from deeplight.sphere import SPHERES, SphereView
 SIZE = 16  # pixels along crops and light: naming needs no more
 _FINE = 4  # samples along each of them
 _CLIPPED = 248  # grey levels from here on may stand for any brightness
-_SPREAD = 0.012  # errors of pixel values that differ by so much make a name e times as likely
+_WEIGHT = 10.0  # of the logarithm of the error: half the error makes a name 2^10 times as likely
+_ERROR_FLOOR = 0.003  # of pixel values: smaller errors tell nothing
 _LEVELS = (0.75, 1.35)  # how far the mirror's reflectivity may be from the paper's
-_ROUNDS = 30  # of the search for the brightness of clipped light
+_ROUNDS = 300  # of the search for the brightness of clipped light
+_SETTLED = 1e-4  # share by which it still changes when the search stops
 
 # Natural logarithm of how much more detail one sphere shows than the next, and its spread.
 _MIRROR_TO_SILVER = (0.9, 0.45)
-_SILVER_TO_DIFFUSE = (1.8, 0.8)
+_SILVER_TO_DIFFUSE = (0.9, 0.5)
+_DETAIL_FLOOR = 1.0  # grey levels: flat, white spheres differ by nothing but noise
 
 
 @dataclass(frozen=True)
@@ -69,18 +73,21 @@ def name_spheres(
 ) -> Naming:
     """Tell three spheres apart by their materials."""
     looks = [look_at(cone, frames, camera) for cone in cones]
-    errors = pair_errors(looks)
+    bases = _bases(looks)
     ways = list(permutations(SPHERES))
-    error, unlikely = np.empty(len(ways)), np.empty(len(ways))
+    errors, total = [], np.empty(len(ways))
     for i, way in enumerate(ways):
         mirror, silver, diffuse = (way.index(name) for name in SPHERES)
-        error[i] = errors[mirror, silver, "matte_silver"] + errors[mirror, diffuse, "diffuse"]
-        unlikely[i] = _odd(looks[mirror], looks[silver], _MIRROR_TO_SILVER)
-        unlikely[i] += _odd(looks[silver], looks[diffuse], _SILVER_TO_DIFFUSE)
-    total = error / _SPREAD + unlikely
-    likelihood = np.exp(total.min() - total)
+        others = [(looks[silver], bases[mirror, silver, "matte_silver"])]
+        others.append((looks[diffuse], bases[mirror, diffuse, "diffuse"]))
+        errors.append(unexplained(looks[mirror], others))
+        # Logarithms are averaged: a hand in some frames does not outvote the rest.
+        total[i] = _WEIGHT * np.log(errors[i] + _ERROR_FLOOR).mean()
+        total[i] += _odd(looks[mirror], looks[silver], _MIRROR_TO_SILVER)
+        total[i] += _odd(looks[silver], looks[diffuse], _SILVER_TO_DIFFUSE)
     best = int(total.argmin())
-    return Naming(ways[best], float(1 / likelihood.sum()), float(error[best] / 2))
+    sure = 1 / np.exp(total[best] - total).sum()
+    return Naming(ways[best], float(sure), float(np.median(errors[best])))
 
 
 def _odd(one: Look, other: Look, expected: tuple[float, float]) -> float:
@@ -116,20 +123,21 @@ def _detail(cut: UInt8[np.ndarray, "frames n n 3"]) -> float:
     for frame in cut:
         grey = cv2.resize(frame, (size, size), interpolation=cv2.INTER_AREA).mean(axis=2)
         bends.append(np.abs(cv2.Laplacian(grey, cv2.CV_64F))[within].mean())
-    return float(np.median(bends)) + 0.2  # grey levels: noise, so that ratios stay finite
+    return float(np.median(bends)) + _DETAIL_FLOOR
 
 
-def pair_errors(looks: list[Look]) -> dict[tuple[int, int, str], float]:
-    """For every (mirror, other, material) how badly the mirror's light explains the other."""
-    errors = {}
+def _bases(
+    looks: list[Look],
+) -> dict[tuple[int, int, str], Float[np.ndarray, "pixels lights"]]:
+    """For every (mirror, other, material) the other in the light that the mirror shows."""
+    bases = {}
     for mirror, other in permutations(range(len(looks)), 2):
         # The mirror's own frame stands for the camera's here, so its crop is the light as it is.
         turn = looks[other].view.ball_from_camera @ looks[mirror].view.ball_from_camera.T
         seen_from = SphereView(turn, looks[other].view.angular_radius_rad, SIZE)
         for material in SPHERES[1:]:
-            basis = _coarse_basis(material, seen_from)
-            errors[mirror, other, material] = _unexplained(looks[mirror], looks[other], basis)
-    return errors
+            bases[mirror, other, material] = _coarse_basis(material, seen_from)
+    return bases
 
 
 def _coarse_basis(material: str, view: SphereView) -> Float[np.ndarray, "pixels lights"]:
@@ -151,47 +159,57 @@ def _coarse_basis(material: str, view: SphereView) -> Float[np.ndarray, "pixels 
     return basis
 
 
-def _unexplained(mirror: Look, other: Look, basis: Float[np.ndarray, "pixels lights"]) -> float:
-    """Error with which a material in that light explains a picture, median over the frames."""
-    shown = basis.any(axis=1)
-    basis = basis[shown]
+def unexplained(
+    mirror: Look, others: list[tuple[Look, Float[np.ndarray, "pixels lights"]]]
+) -> Float[np.ndarray, "frames"]:
+    """Mean absolute error of pixel values of two spheres in the mirror's light, each frame."""
+    parts = [(look, basis, basis.any(axis=1)) for look, basis in others]
+    bases = np.concatenate([basis[shown] for _, basis, shown in parts])
     errors = []
-    for frame in range(len(mirror.radiance)):
-        light = mirror.radiance[frame] / brdf.REFLECTIVITY["mirror"]
-        seen, clipped = other.radiance[frame][shown], other.clipped[frame][shown]
-        made = _brightest(basis, light, mirror.clipped[frame], seen, clipped)
-        off = encode(np.minimum(made, 1.0)) - encode(seen)
+    for i, radiance in enumerate(mirror.radiance):
+        seen = np.concatenate([look.radiance[i][shown] for look, _, shown in parts])
+        clipped = np.concatenate([look.clipped[i][shown] for look, _, shown in parts])
+        light = radiance / brdf.REFLECTIVITY["mirror"]
+        made = brightest(bases, light, mirror.clipped[i], seen, clipped)
+        off = encode(np.minimum(made, 1.0)) - encode(np.minimum(seen, 1.0))
         off[clipped[:, None] & (off > 0)] = 0
         errors.append(np.abs(off).mean())
-    return float(np.median(errors))
+    return np.array(errors)
 
 
-def _brightest(
+def brightest(
     basis: Float[np.ndarray, "pixels lights"],
     light: Float[np.ndarray, "lights 3"],
     free: Bool[np.ndarray, "lights"],
     seen: Float[np.ndarray, "pixels 3"],
     clipped: Bool[np.ndarray, "pixels"],
 ) -> Float[np.ndarray, "pixels 3"]:
-    """The sphere under the light that explains it best, its `free` pixels as bright as suits.
+    """The spheres under the light that explains them best, its `free` pixels as bright as suits.
 
-    Projected gradient descent; errors count as errors of pixel values, and a sphere's own clipped
-    pixels may be brighter than they look.
+    Errors count as errors of pixel values, and a sphere's own clipped pixels may be brighter than
+    they look. Projected gradient with momentum that starts anew where it overshoots (Beck &
+    Teboulle 2009; O'Donoghue & Candes 2015): a sun in one pixel takes hundreds of plain steps.
     """
     slope = 1 / np.maximum(seen, 0.02) ** 0.55
-    known = basis @ light
-    columns = basis[:, free]
-    extra = np.zeros((columns.shape[1], 3))
-    level = 1.0
-    power = (slope**2).max() * max(_largest_power(columns), 1e-9) if extra.size else 1
-    for _ in range(_ROUNDS if extra.size else 3):
-        rest = columns @ extra
-        target = np.where(clipped[:, None], np.maximum(seen, level * known + rest), seen)
-        weighted = known * slope**2
-        level = float((weighted * (target - rest)).sum() / ((weighted * known).sum() + 1e-9))
-        level = float(np.clip(level, *_LEVELS))
-        off = (level * known + rest - target) * slope**2
-        extra = np.maximum(extra - columns.T @ off / power, 0)
+    known, columns = basis @ light, basis[:, free]
+    weighted = known * slope**2
+    weight = max(float((weighted * known).sum()), 1e-9)
+    power = (slope**2).max() * max(_largest_power(columns), 1e-9) if free.any() else 1.0
+    extra = ahead = np.zeros((columns.shape[1], 3))
+    level, momentum = 1.0, 1.0
+    for _ in range(_ROUNDS):
+        made = columns @ ahead
+        target = np.where(clipped[:, None], np.maximum(seen, level * known + made), seen)
+        level = float(np.clip((weighted * (target - made)).sum() / weight, *_LEVELS))
+        off = (level * known + made - target) * slope**2
+        new = np.maximum(ahead - columns.T @ off / power, 0)
+        step, back = new - extra, float(((ahead - new) * (new - extra)).sum())
+        extra = new
+        if np.abs(step).max(initial=0) <= _SETTLED * np.abs(new).max(initial=0):
+            break
+        following = 1.0 if back > 0 else (1 + np.sqrt(1 + 4 * momentum**2)) / 2
+        ahead = new if back > 0 else new + (momentum - 1) / following * step
+        momentum = following
     return level * known + columns @ extra
 
 

@@ -31,6 +31,9 @@ Profiles = Float[np.ndarray, "frames spokes samples"]
 
 
 _BLUR_PX = 0.5  # a drawn edge is so wide, and counts as inside
+_RINGED_BLUR_PX = 1.15  # by measuring: more of it does where a ring may end inside, too
+_RIM_PX = 2.5  # the narrowest rim that is told from the ring inside of it
+_RING_COST = 0.15  # of a third line: it must explain more than chance does
 
 
 @dataclass(frozen=True)
@@ -130,6 +133,7 @@ def refine_by_sides(
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
     stiffness: float,
+    ringed: bool = False,
 ) -> Outline:
     """The outline where what is inside and what is outside differ most, edge or no edge.
 
@@ -140,6 +144,8 @@ def refine_by_sides(
         cone: where to begin, with the angular radius that is expected.
         frames, camera: full size.
         stiffness: of that radius; see `Size`.
+        ringed: a bright ring may end inside of the rim, such as a horizon before dark ground;
+            coarser.
     """
     size = Size(cone.angular_radius_rad, stiffness)
     for share in (0.2, 0.15, 0.12, 0.1):
@@ -147,10 +153,11 @@ def refine_by_sides(
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-reach, reach))
         if not inside.any():
             return Outline(cone, 0.0, 0.0, np.inf)
-        places, cost = split_cost(profiles, offsets)
+        places, cost = split_cost(profiles, offsets, ringed)
         outline = _judged(cone, places, cost, inside, _COARSE_HIT_PX)
         cone = _moved_to_best(cone, places, cost, inside, camera, size.held(cone, camera))
-    blurred = moved(cone, np.zeros(2), -_BLUR_PX / pixel_scale(camera))
+    blur_px = _RINGED_BLUR_PX if ringed else _BLUR_PX
+    blurred = moved(cone, np.zeros(2), -blur_px / pixel_scale(camera))
     return replace(outline, cone=blurred)
 
 
@@ -246,26 +253,35 @@ def profiles_across(
 
 
 def split_cost(
-    profiles: Profiles, offsets: Float[np.ndarray, "samples"]
+    profiles: Profiles, offsets: Float[np.ndarray, "samples"], ringed: bool = False
 ) -> tuple[Float[np.ndarray, "places"], Float[np.ndarray, "spokes places"]]:
     """How badly two straight lines, one each side of a place, explain the profiles; coarse.
 
     Each side has its own spread, so a smooth ball before a busy world and a busy ball before a
     smooth world are told alike. Logarithms are averaged over the frames: a hand in some of
-    them does not outvote the rest.
+    them does not outvote the rest. `ringed`: the inner side may be two lines, as suits.
     """
     count, least = len(offsets), max(4, len(offsets) // 8)
     x = offsets - offsets[0] + 1
     y = profiles.astype(np.float64)
     y = y - y.mean(axis=2, keepdims=True)
     sums = [np.cumsum(v, axis=-1) for v in (np.ones_like(x), x, x * x, y, x * y, y * y)]
+
+    def line(start: int, end: int) -> np.ndarray:
+        part = [v[..., end - 1] - (v[..., start - 1] if start else 0) for v in sums]
+        spread = _unexplained(part) / (end - start) + _NOISE**2
+        share: np.ndarray = (end - start) / count * np.log(spread)
+        return share
+
+    rim = max(4, round(_RIM_PX / _STEP_PX))
+    rings = range(least, count - least - rim, 3) if ringed else ()
+    within = {ring: line(0, ring) + _RING_COST for ring in rings}
     cost = []
     for place in range(least, count - least):
-        low = [v[..., place - 1] for v in sums]
-        high = [v[..., -1] - v[..., place - 1] for v in sums]
-        left = place / count * np.log(_unexplained(low) / place + _NOISE**2)
-        right = (count - place) / count * np.log(_unexplained(high) / (count - place) + _NOISE**2)
-        cost.append((left + right).mean(axis=0))
+        inner = line(0, place)
+        for ring in [ring for ring in rings if ring < place - rim]:
+            inner = np.minimum(inner, within[ring] + line(ring, place))
+        cost.append((inner + line(place, count)).mean(axis=0))
     places = offsets[least : count - least] - _STEP_PX / 2
     return places, np.stack(cost, axis=1)
 
