@@ -67,7 +67,7 @@ class Args:
     """Where features are kept."""
     every: int = 3
     """Take one of so many training examples as it is and the next one flipped."""
-    steps: int = 600
+    steps: int = 300
     """Steps of every head."""
     seeds: int = 3
     """Heads of each row; the mean and their standard deviation are told."""
