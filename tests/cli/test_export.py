@@ -26,7 +26,7 @@ def photos():
     return (np.random.default_rng(0).uniform(-0.5, 0.5, (2, 3, 192, 135))).astype(np.float32)
 
 
-@pytest.mark.parametrize(("precision", "bound"), [("float32", 1e-5), ("float16", 0.02)])
+@pytest.mark.parametrize(("precision", "bound"), [("float32", 1e-5), ("float16", 0.1)])
 def test_an_onnx_file_comes_back_the_same(tiny, tmp_path, precision, bound):
     out = tmp_path / "again.onnx"
     assert main(["export", str(tiny), "--out", str(out), "--precision", precision]) == 0
