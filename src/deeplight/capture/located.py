@@ -101,11 +101,15 @@ class NotLocated(DataSetError):  # noqa: N818 - it is the answer "not located"
 
 
 def rig_of(cones: dict[str, Cone], name: str) -> Rig:
-    """The rig whose spheres are seen in these cones."""
-    views = {
-        sphere: SphereView(looking_at(cones[sphere].direction), cones[sphere].angular_radius_rad)
-        for sphere in SPHERES
-    }
+    """The rig whose spheres are seen in these cones, to a billionth.
+
+    What is finer depends on how a machine adds up, and every worker shall give the same bytes.
+    """
+    views = {}
+    for sphere in SPHERES:
+        direction = normalised(cones[sphere].direction.round(9))
+        radius_rad = round(float(cones[sphere].angular_radius_rad), 9)
+        views[sphere] = SphereView(looking_at(direction), radius_rad)
     return Rig(name, views)
 
 

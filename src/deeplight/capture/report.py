@@ -96,12 +96,12 @@ def _spheres(account: Account) -> dict[str, Any]:
         spheres[name] = {
             "direction": (-view.ball_from_camera[2]).tolist(),
             "angular_radius_rad": view.angular_radius_rad,
-            "distance_m": float(located.distance_m[name]),
-            "confidence": float(located.confidence[name]),
+            "distance_m": round(float(located.distance_m[name]), 7),
+            "confidence": round(float(located.confidence[name]), 5),
             "ellipse_px": {
-                "centre": [float(oval.x), float(oval.y)],
-                "axes": [float(oval.major), float(oval.minor)],
-                "angle_deg": float(oval.angle_deg),
+                "centre": [round(float(x), 4) for x in (oval.x, oval.y)],
+                "axes": [round(float(axis), 4) for axis in (oval.major, oval.minor)],
+                "angle_deg": round(float(oval.angle_deg), 4),
             },
         }
     return spheres
