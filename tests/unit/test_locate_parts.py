@@ -23,9 +23,9 @@ from deeplight.capture.candidates import (  # noqa: E402
 )
 from deeplight.capture.conic import Cone, pixel_scale  # noqa: E402
 from deeplight.capture.located import NotLocated, TagRig, cones_of  # noqa: E402
-from deeplight.capture.materials import name_spheres  # noqa: E402
+from deeplight.capture.materials import brightest, name_spheres  # noqa: E402
 from deeplight.capture.motion import Evidence, persistent_edges  # noqa: E402
-from deeplight.capture.refine import Outline, refine, refine_by_sides  # noqa: E402
+from deeplight.capture.refine import Outline, refine, refine_by_sides, split_cost  # noqa: E402
 from deeplight.capture.rig_file import read_rig_file, write_rig_file  # noqa: E402
 from deeplight.capture.sizes import expected_radius  # noqa: E402
 from deeplight.capture.tag import cones_beside_tag, tag_corners  # noqa: E402
@@ -162,6 +162,19 @@ def test_a_rim_without_an_edge_is_found_by_its_two_sides(off: float) -> None:
     assert stiff.cone.angular_radius_rad == pytest.approx(size * (1 + off) - blur, rel=2e-3)
 
 
+def test_a_bright_ring_inside_the_rim_is_not_the_rim() -> None:
+    """A mirror before dark ground: its rim shows more of it, and a horizon ends 6 px inside."""
+    rng = np.random.default_rng(4)
+    offsets = np.arange(-16, 16.1, 0.5)
+    ground = 60 + cv2.GaussianBlur(rng.normal(0, 25, (288, len(offsets))), (0, 0), 1.5)
+    profiles = np.where(offsets > 0, ground, np.where(offsets < -6, 100.0, 58.0))
+    profiles += rng.normal(0, 1, profiles.shape)
+    places, plain = split_cost(profiles.reshape(12, 24, -1), offsets)
+    _, ringed = split_cost(profiles.reshape(12, 24, -1), offsets, ringed=True)
+    assert abs(places[ringed.sum(axis=0).argmin()]) < 1
+    assert places[plain.sum(axis=0).argmin()] == pytest.approx(-6, abs=1)
+
+
 def lit_frames(order: tuple[str, ...], stops: float) -> tuple[list[Cone], list[np.ndarray]]:
     """Three spheres in one light with a lamp and a window, pasted where the cones are."""
     rng = np.random.default_rng(5)
@@ -196,6 +209,25 @@ def test_names_follow_the_spheres_in_any_order_and_exposure(
     naming = name_spheres(*lit_frames(order, stops), CAMERA)
     assert naming.names == order
     assert naming.confidence > 0.8
+
+
+def test_a_clipped_lamp_is_made_as_bright_as_both_spheres_say() -> None:
+    rng = np.random.default_rng(6)
+    basis = rng.uniform(0, 1, (60, 20)) ** 6 / 20
+    light = rng.uniform(0.05, 0.4, (20, 3))
+    true = light.copy()
+    true[7] = 90.0  # seen as white, 1.0
+    light[[3, 7, 12]] = true[[3, 12]] = 1.0
+    true[7] = 90.0
+    free = np.isin(np.arange(20), [3, 7, 12])
+    seen = basis @ true
+    clipped = (seen >= 1).any(axis=1)
+    made = brightest(basis, light, free, np.minimum(seen, 1), clipped)
+    dark = ~clipped
+    assert dark.sum() > 10
+    assert np.abs(encode(made[dark]) - encode(seen[dark])).max() < 0.01
+    without = brightest(basis, light, np.zeros(20, bool), np.minimum(seen, 1), clipped)
+    assert np.abs(encode(without[dark]) - encode(seen[dark])).max() > 0.1
 
 
 def test_three_alike_have_no_sure_names() -> None:
