@@ -13,6 +13,9 @@ from typing import Annotated
 
 import tyro
 
+WIDTH = 130
+"""Columns of text that the table needs; a narrower terminal wraps its lines."""
+
 
 @dataclass(frozen=True)
 class Args:
@@ -55,6 +58,6 @@ def run(args: Args) -> None:
                 task, description=text, total=total, completed=done
             ),
         )
-    Console().print(table(rows, machine))
+    Console(width=max(WIDTH, Console().width)).print(table(rows, machine))
     if args.out is not None:
         write(args.out, rows, machine)
