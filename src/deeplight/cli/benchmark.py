@@ -4,7 +4,7 @@ deeplight benchmark
 
 deeplight benchmark mine.onnx mine.tflite --threads 1 2 --data data/sim --out out/benchmark
 
-Without --data nothing but speed and size is measured. With --out also benchmark.json and .csv.
+With --data also the L1 of the spheres, with --out also benchmark.json and .csv.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,7 @@ from typing import Annotated
 
 import tyro
 
-WIDTH = 130
-"""Columns of text that the table needs; a narrower terminal wraps its lines."""
+WIDTH = 130  # columns of text that the table needs; a narrower terminal wraps its lines
 
 
 @dataclass(frozen=True)
@@ -51,13 +50,11 @@ def run(args: Args) -> None:
     threads = checked(args)
     with Progress(transient=True, console=Console(stderr=True)) as bar:
         task = bar.add_task("timing", total=None)
-        rows, machine = measured(
-            args,
-            threads,
-            lambda text, total, done: bar.update(
-                task, description=text, total=total, completed=done
-            ),
-        )
+
+        def told(text: str, total: int | None, done: int) -> None:
+            bar.update(task, description=text, total=total, completed=done)
+
+        rows, machine = measured(args, threads, told)
     Console(width=max(WIDTH, Console().width)).print(table(rows, machine))
     if args.out is not None:
         write(args.out, rows, machine)
