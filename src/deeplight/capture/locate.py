@@ -25,7 +25,7 @@ from deeplight.capture.located import (
 from deeplight.capture.materials import name_spheres
 from deeplight.capture.motion import WORKING_SIDE, Evidence, Sample, evidence, gather
 from deeplight.capture.refine import Outline, refine, refine_place
-from deeplight.capture.sizes import even_sizes
+from deeplight.capture.sizes import even_sizes, mirror_of_size
 from deeplight.capture.tag import cones_beside_tag, tag_corners
 from deeplight.io.video import Still
 from deeplight.sphere import SPHERES
@@ -203,7 +203,11 @@ def _by_tag(clip: _Clip, rig: TagRig) -> Located:
     named, warnings = {}, []
     for name, cone in cones.items():
         # Its size is known better from where the three are than from one outline.
-        outline = refine_place(cone, frames, clip.camera, _STIFFNESS)
+        if name == "mirror":
+            places = [cone, seen[name].cone]
+            outline = mirror_of_size(places, cone.angular_radius_rad, frames, clip.camera)
+        else:
+            outline = refine_place(cone, frames, clip.camera, _STIFFNESS)
         if outline.seen < _LEAST_SEEN:
             got = f"a tag that puts the {name} sphere outside the picture"
             raise clip.failed(got, "correct the rig file", None, list(cones.values()))

@@ -38,12 +38,23 @@ def even_sizes(
     if own.support < SURE:
         bar = on_bar(named["matte_silver"].cone, named["diffuse"].cone)
         places += [at for at in bar if separation_rad(at, start) < _NEAR * expected]
-    options = [_by_sides(Cone(at.direction, expected), frames, camera) for at in places]
+    found = mirror_of_size(places, expected, frames, camera)
+    gap = np.log(found.cone.angular_radius_rad / expected)
+    warning = ("the mirror seems to be of another size than the others",) if abs(gap) > 0.04 else ()
+    return found, warning
+
+
+def mirror_of_size(
+    places: list[Cone],
+    expected_rad: float,
+    frames: list[UInt8[np.ndarray, "height width"]],
+    camera: PinholeCamera,
+) -> Outline:
+    """The mirror's outline of about that angular radius, near the best of some places."""
+    options = [_by_sides(Cone(at.direction, expected_rad), frames, camera) for at in places]
     found = max(options, key=lambda outline: outline.support)
     fine = refine_place(found.cone, frames, camera)
-    gap = np.log(fine.cone.angular_radius_rad / expected)
-    warning = ("the mirror seems to be of another size than the others",) if abs(gap) > 0.04 else ()
-    return (fine if fine.support > SURE else found), warning
+    return fine if fine.support > SURE else found
 
 
 def _by_sides(
