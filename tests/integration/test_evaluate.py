@@ -148,7 +148,7 @@ def test_broken_light_is_counted_and_not_averaged(data: DataSet) -> None:
 
 @pytest.fixture
 def knowing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deeplight.evaluate.models.OnnxEstimator", Knowing)
+    monkeypatch.setattr("deeplight.evaluate.models.open_model", Knowing)
 
 
 @pytest.mark.usefixtures("knowing")

@@ -14,6 +14,7 @@ from deeplight.errors import ConfigError, DataSetError
 from deeplight.evaluate import benchmark
 from deeplight.evaluate.benchmark import PINNED, RECIPES, Published, benchmark_data, make
 from deeplight.io.hdr import write_exr
+from deeplight.simulate.run import Recipe
 
 TINY = replace(RECIPES["v1"], eval_takes=1, frames=2, shard_takes=1)
 
@@ -92,7 +93,7 @@ def test_a_shard_of_v1_is_the_published_one(shared: Path, root: Path, tmp_path: 
     """Changed on purpose it needs a new recipe: see benchmarks/publish_benchmark.py."""
     stored = root / "src" / "deeplight" / "evaluate" / "benchmark_v1.json"
     v1 = Published(**json.loads(stored.read_text()))
-    assert dict(v1.recipe) == asdict(RECIPES["v1"])
+    assert Recipe(**v1.recipe) == RECIPES["v1"]
     file = min(v1.shards)
     words = [sys.executable, "-c", ONE_SHARD, str(shared / "hdri"), str(tmp_path / "v1"), file]
     done = subprocess.run(

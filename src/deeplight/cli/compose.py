@@ -1,6 +1,5 @@
 """Put objects into a photo: lit by its own light, with their shadow on its own surface.
 
-deeplight compose photo.jpg --object bunny --material diffuse --out bunny.png
 deeplight compose photo.jpg --object chair.glb --at 420 610 --size 0.9 --pitch -20 --out a.png
 """
 
@@ -8,27 +7,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-import tyro
-from tyro.conf import UseAppendAction as Many
+from tyro import conf
 
 
 @dataclass(frozen=True)
 class Args:
     """Options of `deeplight compose`. Those of an object are repeated for several objects."""
 
-    photo: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PHOTO")]
+    photo: Annotated[Path, conf.Positional, conf.arg(metavar="PHOTO")]
     """The photo or video to put them into; nothing may stand in the way."""
     out: Path
     """The picture to write: .png or .jpg; .mp4 for a video."""
-    object: Annotated[tuple[str, ...], Many] = ()
+    object: Annotated[tuple[str, ...], conf.UseAppendAction] = ()
     """bunny (the default), sphere, pot, or a .glb, .gltf, .obj or .ply file."""
-    material: Annotated[tuple[str, ...], Many] = ()
+    material: Annotated[tuple[str, ...], conf.UseAppendAction] = ()
     """diffuse (grey, 34.5 %), silver (matte, 49.9 %), mirror, plastic, file (the file's own)."""
-    at: Annotated[tuple[tuple[float, float], ...], Many] = ()
+    at: Annotated[tuple[tuple[float, float], ...], conf.UseAppendAction] = ()
     """Pixel x y where it stands. Default: the lower middle."""
-    size: Annotated[tuple[float, ...], Many] = ()
+    size: Annotated[tuple[float, ...], conf.UseAppendAction] = ()
     """Longest side in metres. Default: 30 % of the photo's shorter side, whatever that is."""
-    turn: Annotated[tuple[float, ...], Many] = ()
+    turn: Annotated[tuple[float, ...], conf.UseAppendAction] = ()
     """Degrees anticlockwise from above."""
     up: Literal["y", "z"] = "y"
     """The axis that points up in mesh files."""

@@ -14,8 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from rich.console import Console
-
 from deeplight.simulate.film.recipe import FilmRecipe
 from deeplight.simulate.light_stage import LightStage
 from deeplight.simulate.run import Recipe
@@ -55,16 +53,6 @@ class Args:
 
 
 def run(args: Args) -> None:
-    from deeplight.cli.simulate_modes import data_set, films, light_stage, worlds
-    from deeplight.engine import Engine
+    from deeplight.cli.simulate_modes import make
 
-    engine = Engine(args.engine, args.workers, args.ray_address)
-    console = Console()
-    if args.rooms or args.skies:
-        worlds(args.out, args.rooms, args.skies, args.worlds, console)
-    elif args.light_stage:
-        light_stage(args.out, args.stage, console)
-    elif args.video:
-        films(args.hdri, args.out, args.film, console)
-    else:
-        data_set(args.hdri, args.out, args.recipe, engine, console)
+    make(args)

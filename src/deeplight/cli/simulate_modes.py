@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -13,6 +14,23 @@ from deeplight.simulate.film.recipe import FilmRecipe
 from deeplight.simulate.light_stage import LightStage
 from deeplight.simulate.run import Recipe
 from deeplight.simulate.worlds.settings import Worlds
+
+if TYPE_CHECKING:
+    from deeplight.cli.simulate import Args
+
+
+def make(args: "Args") -> None:
+    """Do what the options ask for."""
+    console = Console()
+    if args.rooms or args.skies:
+        worlds(args.out, args.rooms, args.skies, args.worlds, console)
+    elif args.light_stage:
+        light_stage(args.out, args.stage, console)
+    elif args.video:
+        films(args.hdri, args.out, args.film, console)
+    else:
+        engine = Engine(args.engine, args.workers, args.ray_address)
+        data_set(args.hdri, args.out, args.recipe, engine, console)
 
 
 def data_set(
