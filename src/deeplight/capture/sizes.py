@@ -17,6 +17,7 @@ from deeplight.capture.refine import SURE, Outline, refine_by_sides, refine_plac
 
 _STIFFNESS = 0.01  # see `refine_by_sides`
 _RING = 0.02  # of the radius: outlines farther apart are not one
+_RIM = 0.8  # how clear a rim must be beside the ring inside of it
 _NEAR = 0.3  # of its radius, within which the mirror may be where an even bar has it
 _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
 
@@ -67,7 +68,8 @@ def _by_sides(
     apart = separation_rad(found.cone, ringed.cone)
     grown = abs(found.cone.angular_radius_rad - ringed.cone.angular_radius_rad)
     differ = max(apart, grown) > _RING * start.angular_radius_rad
-    return ringed if differ and ringed.support > found.support else found
+    # A ring is part of an outline, too: the rim need not be as clear to be believed.
+    return ringed if differ and ringed.support > _RIM * found.support else found
 
 
 def expected_radius(named: dict[str, Outline]) -> float:
