@@ -4,7 +4,6 @@ A change that means to alter them runs `python tests/golden/make_nouns.py`, look
 pictures and commits them with the reason.
 """
 
-import importlib.util
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -14,6 +13,7 @@ import pytest
 
 from deeplight.lighting import Lighting
 from deeplight.sphere import PAPER_RIG
+from scripts import loaded
 
 Compare = Callable[[str, np.ndarray], int]
 LEVELS = 1  # rounding may differ between machines
@@ -22,14 +22,7 @@ LEVELS = 1  # rounding may differ between machines
 @pytest.fixture(scope="module")
 def make() -> ModuleType:
     """The script that made the goldens."""
-    spec = importlib.util.spec_from_file_location(
-        "make_nouns", Path(__file__).parent / "make_nouns.py"
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(Path(__file__).parent / "make_nouns.py")
 
 
 def test_spheres(make: ModuleType, differs_from_golden: Compare) -> None:

@@ -4,7 +4,6 @@ After a change that is meant, a new model for one: `python tests/golden/make_web
 """
 
 import base64
-import importlib.util
 import json
 from pathlib import Path
 from types import ModuleType
@@ -13,23 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scripts import loaded
+
 REMEDY = "run python tests/golden/make_web.py and commit what it writes"
 
 
 @pytest.fixture(scope="module")
 def make_web(root: Path) -> ModuleType:
     """The script that writes the golden files, as a module."""
-    folder = root / "tests/golden"
     if not (root / "web").exists():
         pytest.skip("no web folder in this distribution")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(folder))
-        spec = importlib.util.spec_from_file_location("make_web", folder / "make_web.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return module
+    return loaded(root / "tests/golden/make_web.py")
 
 
 def test_the_constants_are_those_of_the_package(make_web: ModuleType) -> None:

@@ -4,7 +4,6 @@ After a change that is meant: `python tests/golden/make_web_transfer.py`, and co
 """
 
 import base64
-import importlib.util
 import json
 from pathlib import Path
 from types import ModuleType
@@ -13,23 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scripts import loaded
+
 pytest.importorskip("embreex")
 
 
 @pytest.fixture(scope="module")
 def make(root: Path) -> ModuleType:
     """The script that writes the golden file, as a module."""
-    folder = root / "tests/golden"
     if not (root / "web").exists():
         pytest.skip("no web folder in this distribution")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(folder))
-        spec = importlib.util.spec_from_file_location("make", folder / "make_web_transfer.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return module
+    return loaded(root / "tests/golden/make_web_transfer.py")
 
 
 def unpacked(entry: dict[str, Any]) -> np.ndarray:

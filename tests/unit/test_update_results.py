@@ -1,27 +1,20 @@
 """The documents' numbers come from evaluations, and from nothing else."""
 
-import importlib.util
 import json
-import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
 
+from scripts import loaded
+
 DOCUMENTS = ("README.md", "MODEL_CARD.md", "docs/results.md")
 
 
 @pytest.fixture(scope="module")
 def script(root: Path) -> ModuleType:
-    path = root / "benchmarks" / "update_results.py"
-    spec = importlib.util.spec_from_file_location("update_results", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["update_results"] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
+    return loaded(root / "benchmarks" / "update_results.py")
 
 
 def row(split: str, estimator: str, scene: str, metric: str, value: float) -> dict[str, Any]:
