@@ -214,7 +214,7 @@ def _by_tag(clip: _Clip, rig: TagRig) -> Located:
         named[name] = outline
         if not _near_outline(cone, outline):
             warnings.append(f"no clear outline of the {name} sphere: it is where the tag says")
-            named[name] = Outline(cone, outline.support, outline.seen, np.inf)
+            named[name] = replace(outline, cone=cone)
     return _located(clip, named, 1.0, "tag", tuple(warnings))
 
 

@@ -79,13 +79,11 @@ class Outline:
         cone: where the sphere is.
         support: share of all spokes with a clear edge that the outline passes within a pixel.
         seen: share of the outline that lies inside the picture.
-        scatter_px: spread of those edges about the outline.
     """
 
     cone: Cone
     support: float
     seen: float
-    scatter_px: float
 
 
 def refine(
@@ -105,7 +103,7 @@ def refine(
         reach = max(reach, 5.0)
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-reach, reach))
         if not inside.any():
-            return Outline(cone, 0.0, 0.0, np.inf)
+            return Outline(cone, 0.0, 0.0)
         places, cost = split_cost(profiles, offsets)
         cone = _moved_to_best(cone, places, cost, inside, camera)
     outline = _fine(cone, frames, camera)
@@ -152,7 +150,7 @@ def refine_by_sides(
         reach = max(share * size.radius_rad * pixel_scale(camera), 5.0)
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-reach, reach))
         if not inside.any():
-            return Outline(cone, 0.0, 0.0, np.inf)
+            return Outline(cone, 0.0, 0.0)
         places, cost = split_cost(profiles, offsets, ringed)
         outline = _judged(cone, places, cost, inside, _COARSE_HIT_PX)
         cone = _moved_to_best(cone, places, cost, inside, camera, size.held(cone, camera))
@@ -168,8 +166,7 @@ def _judged(
     best = places[cost.argmin(axis=1)]
     clear = np.median(cost, axis=1) - cost.min(axis=1) > _CLEAR
     hits = (np.abs(best) < hit_px) & inside & clear
-    scatter = float(np.median(np.abs(best[hits])) * 1.48) if hits.any() else np.inf
-    return Outline(cone, float(hits.mean()), float(inside.mean()), scatter)
+    return Outline(cone, float(hits.mean()), float(inside.mean()))
 
 
 def _fine(
@@ -182,7 +179,7 @@ def _fine(
     for last in (False, False, True):
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-0.7 * reach, reach))
         if not inside.any():
-            return Outline(cone, 0.0, 0.0, np.inf)
+            return Outline(cone, 0.0, 0.0)
         fits = [step_cost(profiles, offsets, sigma) for sigma in _SHARPNESS_PX]
         places, cost = min(fits, key=lambda fit: fit[1].min(axis=1).mean())
         if not last:
