@@ -32,7 +32,8 @@ from deeplight.render.scene import (
 )
 
 PLANE = "plane"
-AOVS = "shape:shape_index,albedo:albedo,normal:sh_normal"
+SHAPE = "shape:shape_index"
+AOVS = f"{SHAPE},albedo:albedo,normal:sh_normal"
 AT_ONCE = 1_000_000  # rays: the LLVM variant keeps the whole state of each
 BORDER = 0.12  # part of a grid over which its shadow gives way to the next
 Progress = Callable[[int, int], None]
@@ -179,32 +180,46 @@ class _Tracer:
         cover, features = np.zeros(size), np.zeros((*size, 6))
         for number in range(passes):
             seed = self._seed * 100_003 + number + window.top * 1_009
-            full, shape, looks = self._render(self._full, camera, seed, MOST_BOUNCES)
+            shape, looks = self._met(camera, seed, objects)
             plane, solid = shape == self._plane, (shape != self._plane) & (shape > 0)
+            full = self._radiance(self._full, camera, seed, MOST_BOUNCES)
             shadowed += full * plane[..., None]
-            unshadowed += self._render(self._empty, camera, seed, 1)[0] * plane[..., None]
-            if objects and self._alone is not None:
-                full = self._render(self._alone, camera, seed, MOST_BOUNCES)[0]
-            radiance += full * solid[..., None]
-            cover += solid
-            features += looks * solid[..., None]
+            unshadowed += self._radiance(self._empty, camera, seed, 1) * plane[..., None]
+            if objects:
+                if self._alone is not None:
+                    full = self._radiance(self._alone, camera, seed, MOST_BOUNCES)
+                radiance += full * solid[..., None]
+                cover += solid
+                features += looks * solid[..., None]
             done(window.width * window.height * (number + 1))
         return radiance, cover, shadowed, unshadowed, features
 
-    def _render(
+    def _met(
+        self, camera: Any, seed: int, looks: bool
+    ) -> tuple[Int[np.ndarray, "height width"], Float[np.ndarray, "height width n"]]:
+        """The shape that each ray meets first: 0 none, then from 1 on; its albedo and normal.
+
+        The same seed gives the same rays as in `_radiance`. Mitsuba could give both at once, which
+        takes twice as long as one after the other.
+        """
+        values = self._image(
+            self._full, camera, seed, {"type": "aov", "aovs": AOVS if looks else SHAPE}
+        )
+        return np.round(values[..., 0]).astype(int), values[..., 1:]
+
+    def _radiance(
         self, scene: Any, camera: Any, seed: int, bounces: int
-    ) -> tuple[
-        Float[np.ndarray, "height width 3"],
-        Int[np.ndarray, "height width"],
-        Float[np.ndarray, "height width 6"],
-    ]:
-        """Radiance; the shape each ray meets: 0 none, then from 1 on; its albedo and normal."""
-        path = {"type": "path", "max_depth": bounces + 1, "rr_depth": 3}
-        nested = {"type": "aov", "aovs": AOVS, "path": path}
-        integrator = self._mi.load_dict(nested)
+    ) -> Float[np.ndarray, "height width 3"]:
+        return self._image(
+            scene, camera, seed, {"type": "path", "max_depth": bounces + 1, "rr_depth": 3}
+        )
+
+    def _image(
+        self, scene: Any, camera: Any, seed: int, how: dict[str, Any]
+    ) -> Float[np.ndarray, "height width n"]:
+        integrator = self._mi.load_dict(how)
         image = self._mi.render(scene, sensor=camera, integrator=integrator, seed=seed, spp=1)
-        values = np.array(image).astype(float)
-        return values[..., :3], np.round(values[..., 3]).astype(int), values[..., 4:]
+        return np.array(image).astype(float)
 
 
 def _after(done: Callable[[int], None], before: int, rays: int) -> None:
