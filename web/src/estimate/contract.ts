@@ -1,6 +1,7 @@
 /** The contract inside a model file, read from its bytes: contract.py. */
 import { CONTRACT, CONTRACT_KEY, SERVED } from "../contract/generated.ts";
 import { EstimateError } from "./errors.ts";
+import { fieldsOf, text } from "./protobuf.ts";
 
 type Widened<T> = T extends number
   ? number
@@ -14,10 +15,10 @@ const METADATA = 14; // field `metadata_props` of an ONNX ModelProto; its entrie
 
 /** @throws EstimateError where the file is no model of ours or one this page cannot serve. */
 export function contractOf(model: Uint8Array): Contract {
-  for (const entry of fields(model, METADATA)) {
-    const [key] = fields(entry, 1);
-    const [value] = fields(entry, 2);
-    if (key && value && text(key) === CONTRACT_KEY) return checked(text(value));
+  for (const { number, content } of fieldsOf(model)) {
+    if (number !== METADATA) continue;
+    const [key, value] = [...fieldsOf(content)];
+    if (key && value && text(key.content) === CONTRACT_KEY) return checked(text(value.content));
   }
   throw new EstimateError("model-damaged", `expected '${CONTRACT_KEY}' in the model, got none`);
 }
@@ -57,38 +58,4 @@ function parsed(json: string): Record<string, unknown> {
   } catch {
     throw new EstimateError("model-damaged", "expected a contract in JSON, got something else");
   }
-}
-
-/** The contents of each field of this number in a protocol buffer. */
-function* fields(message: Uint8Array, wanted: number): Generator<Uint8Array> {
-  let at = 0;
-  const varint = (): number => {
-    let [value, scale] = [0, 1];
-    for (let byte = 128; byte >= 128; at++, scale *= 128) {
-      byte = message[at] ?? cut();
-      value += (byte & 127) * scale;
-    }
-    return value;
-  };
-  while (at < message.length) {
-    const tag = varint();
-    const [field, kind] = [Math.floor(tag / 8), tag % 8];
-    if (kind === 0) varint();
-    else if (kind === 1) at += 8;
-    else if (kind === 5) at += 4;
-    else if (kind === 2) {
-      const length = varint();
-      if (at + length > message.length) cut();
-      if (field === wanted) yield message.subarray(at, at + length);
-      at += length;
-    } else cut();
-  }
-}
-
-function cut(): never {
-  throw new EstimateError("model-damaged", "expected a complete ONNX file, got something else");
-}
-
-function text(bytes: Uint8Array): string {
-  return new TextDecoder().decode(bytes);
 }

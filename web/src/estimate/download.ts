@@ -1,4 +1,5 @@
 import { EstimateError } from "./errors.ts";
+import { joined } from "./protobuf.ts";
 
 export type Progress = (done: number, all: number) => void;
 
@@ -25,15 +26,5 @@ export async function download(url: string, onProgress: Progress): Promise<Uint8
     onProgress(done, all);
   }
   if (all > 0 && done !== all) throw missing(`cut after ${done} of ${all} bytes`);
-  return joined(chunks, done);
-}
-
-function joined(chunks: readonly Uint8Array[], length: number): Uint8Array {
-  const result = new Uint8Array(length);
-  let at = 0;
-  for (const chunk of chunks) {
-    result.set(chunk, at);
-    at += chunk.length;
-  }
-  return result;
+  return joined(chunks);
 }

@@ -2,6 +2,7 @@
 import * as ort from "onnxruntime-web/wasm";
 import { type Contract, contractOf } from "./contract.ts";
 import { EstimateError } from "./errors.ts";
+import { prepared } from "./prepared.ts";
 
 export class Network {
   private constructor(
@@ -38,7 +39,10 @@ export class Network {
 
 async function opened(model: Uint8Array): Promise<ort.InferenceSession> {
   try {
-    return await ort.InferenceSession.create(model, { executionProviders: ["wasm"] });
+    return await ort.InferenceSession.create(prepared(model), {
+      executionProviders: ["wasm"],
+      graphOptimizationLevel: "disabled", // it is done
+    });
   } catch (error) {
     const why = String(error);
     // The runtime says so when it cannot start at all; everything else is the model's fault.
