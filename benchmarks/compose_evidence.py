@@ -7,15 +7,18 @@ the places of the split. Into each it puts the bunny, diffuse and silver: under 
 model's, each baseline's, and the true light with other random rays, which says how much of an
 error is noise. Writes errors.csv (one row for each picture), summary.md (means, and paired
 differences, with 95 % intervals over places), figure.png (of each kind of scene the case with the
-model's median error), cases.png (all of them) and run.toml. Interrupted, it finishes with the
-cases it has.
+model's median error), cases.png (all of them) and run.toml. OUT/pictures keeps every picture by
+what it is made of: a run that was killed goes on, and after a change of the model only the model's
+own pictures are rendered again. `update_compose.py OUT` puts the result into docs/compose.md.
 
 Errors: object = mean absolute difference of pixel values over it; shadow = mean absolute difference
 of its factor, over the pixels that some light's shadow darkens by 3 % (one region for all lights),
 both after a blur of 1.5 pixels against noise; blurred = the shadow's after a Gaussian blur of a
 sixth of the object's size; darkness = what the shadow takes of the light there, over what the true
 one takes; "no shadow" is the error of leaving it out; side = angle in degrees
-between the directions in which the two shadows fall, where both fall to one side.
+between the directions in which the two shadows fall, where both fall to one side; light = angle
+between the dominant lights; high, power = how far this light's dominant one stands above the
+horizon, in degrees, and its share of the power.
 """
 
 import argparse
@@ -24,6 +27,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from compose_evidence_pictures import (
+    DENOISE_PX,
+    STANDS,
+    Picture,
+    full_frame,
+    picture,
+    tile,
+    viewpoint,
+)
 from compose_evidence_tables import (
     AGAIN,
     KINDS,
@@ -36,36 +48,24 @@ from compose_evidence_tables import (
 from PIL import Image, ImageDraw
 from rich.progress import track
 
-from deeplight.camera import BACKGROUND_FRACTION, PinholeCamera
-from deeplight.camera_response import LUMINANCE
+from deeplight.camera import BACKGROUND_FRACTION
 from deeplight.dataset import Example, open_dataset
 from deeplight.estimate.onnx_estimator import OnnxEstimator
 from deeplight.evaluate.baselines.suite import baselines_for
-from deeplight.frames import turned
-from deeplight.harmonics import dominant_light
+from deeplight.harmonics import DominantLight, dominant_light
 from deeplight.io.image import write_png
 from deeplight.io.run_record import write_run_toml
 from deeplight.lighting import Lighting
 from deeplight.preprocess import normalise
-from deeplight.render.compose import SPAN, Composed, Item, Settings, compose
-from deeplight.render.composite import RESPONSE
-from deeplight.render.ground import Viewpoint
+from deeplight.render.compose import SPAN
 from deeplight.render.look import blurred
-from deeplight.render.trace import Quality
-from deeplight.simulate.phone import PHONES
 
 TRUTH = "true light"
-STANDS = (0.5, 0.74)  # of the kept photo's width and height
 LEAST_DEPRESSION = 0.30  # sine of how far below the horizon the place lies
 SUN_SHARE = 0.34  # of the power in one direction: outdoors with more is sun, else shade
-QUALITY = Quality(samples=16, shadow_samples=10, shadow_pixels=16_000, fine=4)
-LATLONG_HEIGHT = 128
-DENOISE_PX = 1.5
 DARK = 0.97  # a shadow is where the factor is smaller
 BLUR = 1 / 6  # of the object's size
-ONE_SIDED = 0.15  # a shadow whose centre is nearer to the object, in object sizes, has no side
 ENLARGED = 2  # in the figure of few cases
-TILE = (0.10, 0.50, 0.90, 0.82)  # left, top, right, bottom of what a picture of a case shows
 
 
 @dataclass(frozen=True)
@@ -88,16 +88,12 @@ def main(args: argparse.Namespace) -> None:
     estimators = [model, *baselines_for(data, args.split)]
     names = [estimator.name for estimator in estimators]
     examples = list(chosen(data.index(args.split), args.cases))
-    args.out.mkdir(parents=True, exist_ok=True)
     rows, cases, strips = [], [], []
-    try:
-        for example in track(examples, "composing"):
-            case = lit(example, estimators)
-            found, strip = measured(case, args.scale)
-            rows, cases, strips = rows + found, [*cases, case], [*strips, strip]
-            write_tables(args.out, rows, names)
-    except KeyboardInterrupt:
-        print(f"interrupted after {len(cases)} of {len(examples)} cases")
+    for example in track(examples, "composing"):
+        case = lit(example, estimators)
+        found, strip = measured(case, args.scale, args.out / "pictures")
+        rows, cases, strips = rows + found, [*cases, case], [*strips, strip]
+    write_tables(args.out, rows, names)
     write_png(args.out / "cases.png", all_cases(cases, strips, names))
     shown = [strips[number] for number in medians(cases, rows)]
     write_png(args.out / "figure.png", figure(shown, names))
@@ -132,106 +128,72 @@ def lit(example: Example, estimators) -> Case:
     return Case(example, lights)
 
 
-def composed(case: Case, method: str, material: str, scale: int) -> Composed:
-    """The bunny in the photo under one method's light."""
-    photo = full_frame(case.example, scale)
-    height, width, _ = photo.shape
-    kept = height * BACKGROUND_FRACTION
-    item = Item("bunny", material, (STANDS[0] * width, STANDS[1] * kept), turn_deg=20)
-    seed, method = (1, TRUTH) if method == AGAIN else (0, method)
-    settings = Settings(QUALITY, blur=False, grain=False, seed=seed, texture=False)
-    light = case.lights[method].latlong(LATLONG_HEIGHT)
-    return compose(photo, light, viewpoint(case.example, height, width), [item], settings)
-
-
-def measured(case: Case, scale: int) -> tuple[list[Row], list[np.ndarray]]:
+def measured(case: Case, scale: int, kept: Path) -> tuple[list[Row], list[np.ndarray]]:
     """Errors of every method but the truth, for each material; the photo and all pictures."""
     rows, strip = [], [tile(full_frame(case.example, scale))]
     for material in MATERIALS:
-        made = {m: composed(case, m, material, scale) for m in (*case.lights, AGAIN)}
-        strip += [tile(made[method].composite.pixels) for method in case.lights]
-        shadows = {method: shadow_of(picture) for method, picture in made.items()}
-        region = np.min([shadows[method] for method in case.lights], axis=0) < DARK
+        made = {
+            method: picture(kept, case.example, light, material, scale)
+            for method, light in case.lights.items()
+        }
+        strip += [found.tile for found in made.values()]
+        region = np.min([found.shadow for found in made.values()], axis=0) < DARK
+        made[AGAIN] = picture(kept, case.example, case.lights[TRUTH], material, scale, seed=1)
+        shadows = {method: found.shadow for method, found in made.items()}
         shadows[UNSHADOWED] = np.ones_like(shadows[TRUTH])
         for method in list(shadows)[1:]:
-            sharp, soft, darkness = shadow_errors(shadows[TRUTH], shadows[method], region)
-            meta = case.example.meta
-            first = (case.example.key, meta.place, case.kind, material, method)
-            others = errors(case, made, method)
-            rows.append(Row(*first, others[0], sharp, soft, darkness, *others[1:]))
+            first = (case.example.key, case.example.meta.place, case.kind, material, method)
+            of_shadow = shadow_errors(shadows[TRUTH], shadows[method], region)
+            rows.append(
+                Row(
+                    *first,
+                    object_error(made, method),
+                    *of_shadow,
+                    *light_errors(case, made, method),
+                )
+            )
     return rows, strip
 
 
-def errors(case: Case, made: dict[str, Composed], method: str) -> tuple[float, float, float]:
-    """Of the object, the side of its shadow and the dominant light; nan without a picture."""
+def light_errors(
+    case: Case, made: dict[str, Picture], method: str
+) -> tuple[float, float, float, float]:
+    """Side of the shadow, the dominant light, its height, its power; nan without a picture."""
     if method not in made:
-        return (np.nan, np.nan, np.nan)
-    lights = (case.lights[TRUTH], case.lights.get(method, case.lights[TRUTH]))
-    true, other = made[TRUTH], made[method]
+        return (np.nan,) * 4
+    true, other = (dominant_light(case.lights.get(m, case.lights[TRUTH])) for m in (TRUTH, method))
     return (
-        object_error(true, other),
-        angle_deg(shadow_side(true), shadow_side(other)),
-        angle_deg(*(dominant_light(light).direction for light in lights)),
+        angle_deg(made[TRUTH].side, made[method].side),
+        angle_deg(true.direction, other.direction),
+        height_deg(case.example, other),
+        other.share,
     )
 
 
-def object_error(true: Composed, other: Composed) -> float:
-    """Over the object, after a blur that takes out the noise of few samples."""
-    cover = true.composite.layers.cover
-    left, top, right, bottom = true.composite.layers.crop
-    pixels = [_denoised(c)[top:bottom, left:right] for c in (true, other)]
-    return float((np.abs(pixels[0] - pixels[1]).mean(-1) * cover).sum() / cover.sum())
+def height_deg(example: Example, light: DominantLight) -> float:
+    """Of a light in the camera frame above the horizon."""
+    up = np.array(example.meta.details["world_from_camera"]).T @ [0.0, 1.0, 0.0]
+    return float(np.degrees(np.arcsin(np.clip(light.direction @ up, -1, 1))))
 
 
-def _denoised(picture: Composed) -> np.ndarray:
-    """The object's pixel values, over the whole photo."""
-    layers = picture.composite.layers
-    both = blurred(np.concatenate([layers.radiance, layers.cover[..., None]], -1), DENOISE_PX)
-    radiance = both[..., :3] / np.maximum(both[..., 3:], 1e-3)
-    left, top, right, bottom = layers.crop
-    result = np.zeros(picture.composite.pixels.shape, np.float32)
-    result[top:bottom, left:right] = RESPONSE.pixel_from_radiance(radiance)
-    return result
+def object_error(made: dict[str, Picture], method: str) -> float:
+    """Over the object as it is under the true light."""
+    if method not in made:
+        return np.nan
+    true = made[TRUTH]
+    apart = np.abs(true.object - made[method].object).mean(-1)
+    return float((apart * true.cover).sum() / true.cover.sum())
 
 
 def shadow_errors(
     true: np.ndarray, other: np.ndarray, region: np.ndarray
 ) -> tuple[float, float, float]:
     """After a blur that takes out the noise of few samples; after a wide one; the darkness."""
-    difference = (other - true)[..., None]
+    difference = (other.astype(float) - true)[..., None]
     wide_px = BLUR * SPAN * min(true.shape)
     sharp, soft = (np.abs(blurred(difference, px))[region] for px in (DENOISE_PX, wide_px))
     darkness = (1 - other)[region].sum() / max((1 - true)[region].sum(), 1e-9)
     return float(sharp.mean()), float(soft.mean()), float(darkness)
-
-
-def shadow_of(picture: Composed) -> np.ndarray:
-    """Luminance of the shadow over the whole photo; 1 under objects."""
-    result = np.ones(picture.composite.pixels.shape[:2])
-    layers = picture.composite.layers
-    left, top, right, bottom = layers.crop
-    part = np.where(layers.cover > 0, 1.0, layers.shadow @ LUMINANCE)
-    result[top:bottom, left:right] = part
-    return result
-
-
-def shadow_side(picture: Composed) -> np.ndarray:
-    """Where the shadow lies, seen from the object on the plane, in its sizes; nan if nowhere."""
-    scene, layers = picture.scene, picture.composite.layers
-    left, top, right, bottom = layers.crop
-    view = scene.viewpoint
-    rays = turned(view.camera.rays()[top:bottom, left:right], view.world_from_camera)
-    down = np.minimum(rays[..., 1:2], -1e-6)
-    points = rays * (-view.height_m / down)
-    low, high = scene.box
-    away = (points - (low + high) / 2)[..., [0, 2]] / float((high - low).max())
-    lost = np.maximum(1 - layers.shadow @ LUMINANCE, 0) * (layers.cover == 0)
-    distance = -view.height_m / down[..., 0]  # a pixel far away covers more ground
-    weight = lost * distance**2 / -down[..., 0] * (np.linalg.norm(away, axis=-1) < 3)
-    if weight.sum() <= 0:
-        return np.full(2, np.nan)
-    side = (weight[..., None] * away).sum((0, 1)) / weight.sum()
-    return side if np.linalg.norm(side) > ONE_SIDED else np.full(2, np.nan)
 
 
 def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
@@ -277,31 +239,6 @@ def headed(picture: np.ndarray, heads: list[str]) -> np.ndarray:
     for number, name in enumerate(heads):
         draw.text((number * width + 4, 4), name.replace("_", " "), "black")
     return np.asarray(canvas)
-
-
-def tile(frame: np.ndarray) -> np.ndarray:
-    """The part of a picture around the object."""
-    rows, columns = round(len(frame) * BACKGROUND_FRACTION), frame.shape[1]
-    left, top, right, bottom = TILE
-    across = slice(round(left * columns), round(right * columns))
-    return frame[round(top * rows) : round(bottom * rows), across]
-
-
-def full_frame(example: Example, scale: int) -> np.ndarray:
-    """The background enlarged, and below it the part of the frame that was cut, continued."""
-    background = Image.fromarray(example.background)
-    size = (background.width * scale, background.height * scale)
-    pixels = np.asarray(background.resize(size, Image.Resampling.BICUBIC))
-    rows = round(size[1] / BACKGROUND_FRACTION) - size[1]
-    return np.concatenate([pixels, np.repeat(pixels[-1:], rows, axis=0)])
-
-
-def viewpoint(example: Example, height: int, width: int) -> Viewpoint:
-    """The camera as it was held, from the pose the example records."""
-    up = np.array(example.meta.details["world_from_camera"]).T @ [0.0, 1.0, 0.0]
-    camera = PinholeCamera(width, height, PHONES[example.meta.camera].vertical_fov_rad)
-    pitch, roll = float(np.arcsin(-up[2])), float(np.arctan2(up[0], up[1]))
-    return Viewpoint(camera, pitch_rad=pitch, roll_rad=roll)
 
 
 def _looks_down(example: Example) -> bool:

@@ -1,7 +1,7 @@
 """The tables of compose_evidence.py: means, paired differences and sides of shadows."""
 
 import csv
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from deeplight.io.atomic import replacing
 UNSHADOWED = "no shadow"
 AGAIN, MATERIALS = "true light again", ("diffuse", "silver")
 KINDS = ("indoor", "shade", "sun")
-NEAR_TRUTH_DEG = 45
+NEAR_TRUTH_DEG, WRONG_DEG = 45, 90
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,8 @@ class Row:
     darkness: float
     side_deg: float
     light_deg: float
+    high_deg: float
+    power: float
 
 
 def write_tables(folder: Path, rows: list[Row], names: list[str]) -> None:
@@ -39,6 +41,19 @@ def write_tables(folder: Path, rows: list[Row], names: list[str]) -> None:
         writer.writerows(asdict(row) for row in rows)
     with replacing(folder / "summary.md") as path:
         path.write_text(summary(rows, names), encoding="utf-8")
+
+
+def read_rows(folder: Path) -> list[Row]:
+    """What `write_tables` wrote; raises ValueError for a file of another version."""
+    with (folder / "errors.csv").open(newline="") as file:
+        reader = csv.DictReader(file)
+        names = [field.name for field in fields(Row)]
+        if list(reader.fieldnames or []) != names:
+            raise ValueError(f"{folder / 'errors.csv'} has other columns: run it again")
+        words, numbers = names[:5], names[5:]
+        return [
+            Row(*(line[n] for n in words), *(float(line[n]) for n in numbers)) for line in reader
+        ]
 
 
 def summary(rows: list[Row], names: list[str]) -> str:
@@ -99,7 +114,11 @@ def sides(rows: list[Row], names: list[str]) -> list[str]:
             told = off[np.isfinite(off)]
             cells = [len(near), len(near) - len(told), "-", "-", 0]
             if len(told):
-                cells[2:] = [f"{np.median(told):.0f}", f"{told.max():.0f}", (told > 90).sum()]
+                cells[2:] = [
+                    f"{np.median(told):.0f}",
+                    f"{told.max():.0f}",
+                    (told > WRONG_DEG).sum(),
+                ]
             scenes = "sun" if len(kinds) == 1 else "all"
             lines.append(f"| {name} | {scenes} | {' | '.join(map(str, cells))} |")
     return lines
