@@ -57,7 +57,7 @@ def test_tables_sentences_and_pictures_are_the_runs(script: ModuleType, project:
     assert text.endswith("After.\n")
     assert "\nold\n" not in text
     assert "6 photos in 6 places: 2 indoors, 2 in shade, 2 in the sun." in text
-    assert "| khan 2006 | 0.303 (" in text
+    assert "| khan 2006 | 0.302 (" in text
     plain = " ".join(text.split())
     assert "object, diffuse: nearer to the truth than under khan 2006, the whole interval" in plain
     assert "object, diffuse, shade (2 photos): better than the model (0.102): mean spheres" in plain
