@@ -13,6 +13,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
+from deeplight.cli.main import main  # noqa: E402
 from deeplight.dataset import Example, ExampleMeta, ShardPlan, open_dataset, plan_split  # noqa: E402
 from deeplight.errors import ConfigError, DataSetError, ModelError  # noqa: E402
 from deeplight.sphere import PAPER_RIG  # noqa: E402
@@ -26,8 +27,13 @@ from deeplight.training.release import contract_of, load_best  # noqa: E402
 COUNTS = {"train": 12, "val_indoor": 3, "val_outdoor": 3}
 
 # Everything that has a state or draws random numbers is on: batch norm, average, dropout, noise;
-# and the discriminator, as in the preset `paper`.
+# and the discriminator, as in the preset `paper`. The network is the same one with fewer channels.
 SETTINGS = (
+    "network.width=0.35",
+    "network.latent_size=32",
+    "network.decoder_widths=[8, 8]",
+    "network.output_size=16",
+    "adversarial.widths=[4, 8, 8]",
     "schedule.batch_size=2",
     "schedule.steps=6",
     "schedule.shape=cosine",
@@ -94,40 +100,56 @@ def rows(folder: Path, table: str) -> list[dict[str, str]]:
     return found
 
 
-def same_run(folder: Path, other: Path) -> bool:
-    """Equal to the last bit: loss curve, validation, weights, average, optimiser."""
-    ends = [checkpoint.load(checkpoint.latest(f))[1] for f in (folder, other)]
-    return (
-        rows(folder, "losses.csv") == rows(other, "losses.csv")
-        and rows(folder, "validation.csv") == rows(other, "validation.csv")
-        and ends[0].keys() == ends[1].keys()
-        and all(
-            torch.equal(tensor, ends[1][group][name])
-            for group, tensors in ends[0].items()
-            for name, tensor in tensors.items()
-        )
+def same_weights(folder: Path, other: Path) -> bool:
+    """Equal to the last bit: weights, average, optimisers at the end, and the best weights."""
+    pairs = [[checkpoint.latest(f) for f in (folder, other)], [folder / BEST, other / BEST]]
+    return all(same_tensors(*(checkpoint.load(path)[1] for path in pair)) for pair in pairs)
+
+
+def same_tensors(states, others) -> bool:
+    return states.keys() == others.keys() and all(
+        tensors.keys() == others[group].keys()
+        and all(torch.equal(tensor, others[group][name]) for name, tensor in tensors.items())
+        for group, tensors in states.items()
     )
 
 
-KILLED = """
-import sys
-from pathlib import Path
-from deeplight.training.presets import preset
-from deeplight.training.loop import train
-data, out, *settings = sys.argv[1:]
-train(Path(data), Path(out), preset("paper", settings))
-"""
+def same_run(folder: Path, other: Path) -> bool:
+    """Equal to the last bit: loss curve, validation and all weights."""
+    tables = ("losses.csv", "validation.csv")
+    return all(rows(folder, t) == rows(other, t) for t in tables) and same_weights(folder, other)
+
+
+def command(data: Path, out: Path, *more: str) -> list[str]:
+    """The words of `deeplight train`."""
+    changes = [word for setting in (*SETTINGS, *more) for word in ("--set", setting)]
+    return ["train", "--data", str(data), "--out", str(out), "--preset", "paper", *changes]
+
+
+def started(words: list[str]) -> subprocess.Popen:
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen([sys.executable, "-m", "deeplight", *words], stdout=quiet, stderr=quiet)
+
+
+def wait_for(event, process: subprocess.Popen, seconds: float = 100) -> None:
+    """Look a thousand times a second; a process that ended first is a failure."""
+    deadline = time.monotonic() + seconds
+    while not event():
+        assert process.poll() is None, "it ended by itself"
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
+def kill(process: subprocess.Popen) -> None:
+    assert process.poll() is None, "it ended by itself"
+    process.send_signal(signal.SIGKILL)
+    process.wait()
 
 
 def test_a_run_killed_and_resumed_is_the_uninterrupted_run(data, whole, tmp_path):
-    arguments = [sys.executable, "-c", KILLED, str(data), str(tmp_path), *SETTINGS]
-    process = subprocess.Popen(arguments)
-    deadline = time.monotonic() + 100
-    while checkpoint.latest(tmp_path) is None and process.poll() is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
+    process = started(command(data, tmp_path))
+    wait_for(lambda: checkpoint.latest(tmp_path) is not None, process)
+    kill(process)
     assert checkpoint.load(checkpoint.latest(tmp_path))[0].step < 6, "it was not killed in time"
 
     train(data, tmp_path, settings())
@@ -138,23 +160,38 @@ def test_a_run_killed_and_resumed_is_the_uninterrupted_run(data, whole, tmp_path
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_a_run_killed_ten_times_is_the_uninterrupted_run(data, tmp_path):
-    """At random moments, whatever is being written just then."""
-    more = ("schedule.steps=40", "run.checkpoint_every=1")
+    """Real processes of one command, killed while they start, while they train, while they write.
+
+    The moments are drawn from a fixed seed; every third kill waits for a checkpoint that is half
+    written, and it goes on beyond ten until one was really torn.
+    """
+    more = ("schedule.steps=150", "run.checkpoint_every=1", "run.validate_every=10")
     train(data, tmp_path / "whole", settings(*more))
-    folder, random, kills = tmp_path / "killed", np.random.default_rng(0), 0
-    while kills < 10:
-        before = checkpoint.latest(folder)
-        arguments = [sys.executable, "-c", KILLED, str(data), str(folder), *SETTINGS, *more]
-        process = subprocess.Popen(arguments)
-        while checkpoint.latest(folder) == before and process.poll() is None:
-            time.sleep(0.01)
-        time.sleep(random.uniform(0.0, 0.6))
-        assert process.poll() is None, f"finished after {kills} kills"
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        kills += 1
-    train(data, folder, settings(*more))
+    folder, random, kills, torn = tmp_path / "killed", np.random.default_rng(0), 0, 0
+    words = command(data, folder, *more)
+
+    def half_written() -> set[Path]:
+        return set(folder.glob("checkpoints/.step-*"))
+
+    while kills < 10 or not torn:
+        before, left = checkpoint.latest(folder), half_written()
+        process = started(words)
+        if kills % 3 == 0:
+            time.sleep(random.uniform(0.0, 8.0))
+        elif kills % 3 == 1:
+            wait_for(lambda before=before: checkpoint.latest(folder) != before, process)
+            time.sleep(random.uniform(0.0, 0.6))
+        else:
+            wait_for(lambda left=left: half_written() - left, process)
+        kill(process)
+        kills, torn = kills + 1, torn + bool(half_written() - left)
+        assert kills < 30, "no checkpoint was hit while it was written"
+    assert started(words).wait() == 0
     assert same_run(folder, tmp_path / "whole")
+    assert len(list((folder / "checkpoints").iterdir())) == 2  # what was torn is cleared away
+    other = tmp_path / "other"  # the twin: a curve that is not the same one
+    train(data, other, settings(*more, "run.seed=1"))
+    assert not same_weights(other, folder)
 
 
 def test_another_seed_is_another_run(data, whole, tmp_path):
@@ -192,33 +229,47 @@ def test_the_best_weights_come_back_without_batch_norm(whole):
 
 
 def test_a_loss_that_is_not_finite_stops_the_run_and_saves_its_batch(data, tmp_path, monkeypatch):
-    honest = loop.reconstruction_terms
+    honest, honest_inputs, seen = loop.reconstruction_terms, Run.inputs, []
 
     def broken(*arguments):
         terms = honest(*arguments)
         return type(terms)({"reconstruction": terms.total() * float("nan")}, terms.reported)
 
+    def inputs(*arguments):
+        seen.append(honest_inputs(*arguments))
+        return seen[-1]
+
     monkeypatch.setattr(loop, "reconstruction_terms", broken)
+    monkeypatch.setattr(Run, "inputs", inputs)
     with pytest.raises(ConfigError, match="at step 0"):
         train(data, tmp_path, settings())
     _, saved = checkpoint.load(tmp_path / "not-finite-step-00000000.safetensors")
     assert saved["batch"]["photo"].shape == (2, 3, 192, 135)
+    for name, tensor in vars(seen[0]).items():  # as the network saw it, augmented
+        assert torch.equal(saved["batch"][name], tensor)
     assert checkpoint.latest(tmp_path) is None
+    assert not (tmp_path / BEST).exists()
 
 
-@pytest.mark.parametrize("broken", ["loss", "discriminator"])
-def test_the_last_good_weights_survive_a_loss_that_is_not_finite(
-    data, tmp_path, monkeypatch, broken
+@pytest.mark.parametrize(
+    "broken", ["loss", "discriminator", "gradient", "discriminator's gradient"]
+)
+def test_the_last_good_weights_survive_what_is_not_finite(
+    data, whole, tmp_path, monkeypatch, broken
 ):
-    """Step 3 breaks, after the checkpoint of step 2."""
+    """Step 3 breaks, after the checkpoint of step 2; a gradient breaks weights, not its own loss.
+
+    Then the same command goes on, to the end that an unbroken run has.
+    """
     honest = Run.train_step
 
     def breaking(run, batch):
+        hurt = run.adversary.discriminator if "discriminator" in broken else run.generator
+        terms = honest(run, batch) if "gradient" in broken else None
         if run.step == 3:
-            hurt = run.generator if broken == "loss" else run.adversary.discriminator
             for parameter in hurt.parameters():
                 parameter.data.fill_(float("nan"))
-        return honest(run, batch)
+        return terms or honest(run, batch)
 
     monkeypatch.setattr(Run, "train_step", breaking)
     with pytest.raises(ConfigError, match=r"at step 3.*step-00000002"):
@@ -227,10 +278,20 @@ def test_the_last_good_weights_survive_a_loss_that_is_not_finite(
     assert header.step == 2
     assert all(tensor.isfinite().all() for group in states.values() for tensor in group.values())
     assert (tmp_path / "not-finite-step-00000003.safetensors").exists()
+    assert not (tmp_path / BEST).exists()  # step 4 would have been the first validation
 
-    monkeypatch.undo()  # and the run goes on from there
+    monkeypatch.undo()
     train(data, tmp_path, settings("run.log_every=4"))
-    assert checkpoint.load(checkpoint.latest(tmp_path))[0].step == 6
+    assert same_weights(tmp_path, whole)
+
+
+def test_the_command_tells_in_one_line_that_a_run_diverged(data, tmp_path, capfd):
+    """A real overflow: no weight survives steps of that size."""
+    assert main(command(data, tmp_path, "optimiser.learning_rate=1e38")) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "stay finite" in line
+    assert "learning_rate" in line
+    assert list(tmp_path.glob("not-finite-step-*.safetensors"))
 
 
 @pytest.mark.parametrize("workers", [0, 1])
@@ -262,7 +323,7 @@ def test_a_run_can_start_from_components_of_fitted_light(data, tmp_path):
     mixed = ("network.components=2", "optimiser.decoder_after=2", "schedule.steps=2")
     train(data, tmp_path, settings(*mixed, "run.validate_every=2"))
     table = np.load(tmp_path / "fitted" / "components.npy")
-    assert table.shape == (3, 3, 32, 32)
+    assert table.shape == (3, 3, 16, 16)
     assert np.abs(table[1]).sum() > 0
     generator, _ = load_best(tmp_path)
     assert np.array_equal(generator.mixture.components.numpy(), table[1:])
@@ -279,6 +340,6 @@ def test_a_run_can_start_from_the_weights_of_another(data, whole, tmp_path):
     for (name, before), after in zip(old.named_parameters(), new.parameters(), strict=True):
         if name == "decoder.up3.weight":  # no batch norm to drift
             torch.testing.assert_close(before, after)
-    other = settings("network.latent_size=128", "schedule.steps=1")
+    other = settings("network.latent_size=64", "schedule.steps=1")
     with pytest.raises(ModelError, match="same `network`"):
         train(data, tmp_path / "other", other, weights=whole / BEST)

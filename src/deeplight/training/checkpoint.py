@@ -105,6 +105,11 @@ def load_optimiser(optimiser: torch.optim.Optimizer, state: dict[str, Tensor]) -
     optimiser.load_state_dict({"state": restored, "param_groups": groups})
 
 
+def is_finite(network: nn.Module) -> bool:
+    """Whether no weight is NaN or infinite: a gradient can be so after a loss that was not."""
+    return all(bool(value.isfinite().all()) for value in network.state_dict().values())
+
+
 def checkpoint_path(run_dir: Path, step: int) -> Path:
     return run_dir / "checkpoints" / f"step-{step:08d}.safetensors"
 
@@ -115,9 +120,10 @@ def latest(run_dir: Path) -> Path | None:
 
 
 def remove_old(run_dir: Path, keep: int = KEPT) -> None:
-    """Remove all but the newest checkpoints."""
+    """Remove all but the newest checkpoints, and those that a kill left half written."""
     paths = sorted((run_dir / "checkpoints").glob("step-*.safetensors"))
-    for path in paths[:-keep]:
+    torn = (run_dir / "checkpoints").glob(".step-*.safetensors")
+    for path in (*paths[:-keep], *torn):
         path.unlink(missing_ok=True)
 
 

@@ -336,8 +336,10 @@ class Run:
         return Progress(self.step, self.total, row["loss"], speed)
 
     def refuse_divergence(self, losses: np.ndarray, start: int) -> None:
-        """Stop on a loss that is not finite; save its batch, but neither checkpoint nor best."""
+        """Stop on losses or weights that are not finite; save the batch, no checkpoint, no best."""
         finite = np.isfinite(losses).all(1)
+        players = (self.generator, self.adversary.discriminator if self.adversary else None)
+        finite[-1] &= all(checkpoint.is_finite(player) for player in players if player)
         if finite.all():
             return
         step = start + int(np.argmin(finite))
@@ -349,8 +351,8 @@ class Run:
             checkpoint.save(path, self.header(), batch=asdict(self.inputs(batch, step, ALONE)))
         kept = checkpoint.latest(self.run_dir)
         raise ConfigError(
-            "a finite loss",
-            f"{losses[step - start, 0]} at step {step}",
+            "losses and weights that stay finite",
+            f"others at step {step}, whose loss is {losses[step - start, 0]}",
             f"lower optimiser.learning_rate; the batch is in {path}, the last good weights in "
             f"{kept or 'no checkpoint yet'}",
         )
@@ -381,7 +383,7 @@ class Run:
         if errors:
             weights = dict(zip(SPHERES, self.config.loss.weights(), strict=True))
             found = score(errors, weights)
-            if found >= self.best_score:
+            if not found < self.best_score:  # nor is NaN the best
                 return errors
             self.best_score = found
         checkpoint.save(self.run_dir / BEST, self.header(), generator=self.average.state)
