@@ -29,6 +29,8 @@ class Args:
     """Folded MobileNetV2 weights (.npz) that the encoder starts from."""
     weights: Path | None = None
     """best.safetensors of an earlier run of the same network that this one starts from."""
+    more: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """Another data set to learn from; may be given several times. Validation uses --data alone."""
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """Change one setting of the preset: --set schedule.steps=500; repeat for more."""
     devices: int = 1
@@ -52,6 +54,6 @@ def run(args: Args) -> None:
     machine = (f"run.time_limit_minutes={args.minutes}", f"run.devices={args.devices}")
     config = preset(args.preset, (*args.set, *machine, f"run.nodes={args.nodes}"))
     with TrainProgress(quiet=not first_process()) as progress:
-        train(args.data, args.out, config, args.imagenet, progress.show, args.weights)
+        train(args.data, args.out, config, args.imagenet, progress.show, args.weights, args.more)
     if args.export is not None and first_process():
         export_run(args.out, args.export, data=args.data.rstrip("/").rsplit("/", 1)[-1])

@@ -3,6 +3,7 @@
 Make one with `ShardPlan` (any source of `Example`), read one with `open_dataset`.
 """
 
+from deeplight.dataset.chosen import Chosen
 from deeplight.dataset.example import Example, ExampleMeta
 from deeplight.dataset.manifest import Manifest, ShardRecord, Skipped
 from deeplight.dataset.plan import ShardJob, ShardPlan, plan_split
@@ -13,6 +14,7 @@ __all__ = [
     "GROUPS",
     "SPLITS",
     "TRAINING_SPLITS",
+    "Chosen",
     "DataSet",
     "Example",
     "ExampleMeta",

@@ -10,7 +10,7 @@ from jaxtyping import Int
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from deeplight.dataset import SplitIndex
+from deeplight.dataset import Chosen, SplitIndex
 from deeplight.errors import ConfigError
 from deeplight.preprocess import landscape_background
 from deeplight.training.devices import ALONE, Share
@@ -25,6 +25,8 @@ class DataConfig:
     validation_splits: tuple[str, ...] = ("val_indoor", "val_outdoor")
     validation_examples: int = 512
     """At most so many of each validation split, evenly spread over it."""
+    places: int = 0
+    """Learn from so many training places only, which `run.seed` draws; 0 is all of them."""
     place_balanced: bool = False
     """Draw every place equally often, however many examples it has."""
     workers: int = 2
@@ -49,7 +51,7 @@ class ExampleBytes(Dataset[Batch]):
 
     def __init__(
         self,
-        index: SplitIndex,
+        index: SplitIndex | Chosen,
         rig_names: Sequence[str],
         orientation: Orientation = "portrait",
     ) -> None:

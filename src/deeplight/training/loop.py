@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from deeplight.dataset import DataSet, open_dataset
 from deeplight.errors import ConfigError
 from deeplight.io.atomic import replacing
 from deeplight.io.run_record import write_run_toml
@@ -39,6 +38,7 @@ from deeplight.training.imagenet import load_imagenet
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
 from deeplight.training.record import RunRecord, Window
+from deeplight.training.sources import Sources, refuse_shared_places
 from deeplight.training.teacher import Teacher
 from deeplight.training.validation import SphereErrors, Validation, score, some_of
 
@@ -72,11 +72,13 @@ def train(
     imagenet: Path | None = None,
     watch: Watch | None = None,
     weights: Path | None = None,
+    more: Sequence[Path | str] = (),
 ) -> list[SphereErrors]:
     """Train into `run_dir`, or go on where its newest checkpoint stopped.
 
     A new run's encoder starts from `imagenet`, or its whole network from `weights`, the
-    best.safetensors of an earlier run. Gives the errors of the last validation. On several
+    best.safetensors of an earlier run. The training split of every data set of `more` is learnt
+    from, too. Gives the errors of the last validation. On several
     devices every process runs this; only the first writes, watches and gives errors.
 
     Raises:
@@ -85,7 +87,7 @@ def train(
         ModelError: the ImageNet weights or the checkpoint cannot be read.
     """
     watch = watch or (lambda _: None)
-    run = Run(open_dataset(data_dir), run_dir, config, imagenet, weights, watch)
+    run = Run(Sources(data_dir, more), run_dir, config, imagenet, weights, watch)
     try:
         return run.to_the_end(watch)
     finally:
@@ -97,14 +99,14 @@ class Run:
 
     def __init__(
         self,
-        data: DataSet,
+        data: Sources,
         run_dir: Path,
         config: TrainConfig,
         imagenet: Path | None = None,
         weights: Path | None = None,
         watch: Watch = lambda _: None,
     ) -> None:
-        self.run_dir, self.config, self.manifest = run_dir, config, data.manifest_sha256
+        self.run_dir, self.config, self.manifest = run_dir, config, data.fingerprint
         resumed = checkpoint.latest(run_dir)
         saved = checkpoint.load(resumed) if resumed else None
         if saved:
@@ -143,18 +145,19 @@ class Run:
         """Whether this is the process that writes."""
         return self.share.rank == 0
 
-    def open_splits(self, data: DataSet) -> None:
+    def open_splits(self, data: Sources) -> None:
         """Find the examples of every split and what the rigs' spheres look like."""
         config, network = self.config.data, self.config.network
-        names = list(data.rigs)
         measured = Path(self.config.loss.bases) if self.config.loss.bases else None
-        rigs = list(data.rigs.values())
-        self.bases = RigBases.from_rigs(rigs, network.output_size, measured)
-        self.splits = {
-            split: ExampleBytes(data.index(split), names, network.orientation)
-            for split in (config.train_split, *config.validation_splits)
+        self.bases = RigBases.from_rigs(list(data.rigs.values()), network.output_size, measured)
+        chosen, held_out = data.training(config, self.config.run.seed), data.validation(config)
+        refuse_shared_places(chosen, held_out.values())
+        names = list(data.rigs)
+        self.examples = ExampleBytes(chosen, names, network.orientation)
+        self.held_out = {
+            split: ExampleBytes(index, names, network.orientation)
+            for split, index in held_out.items()
         }
-        self.examples = self.splits[config.train_split]
         refuse_other_size(self.examples, network.orientation)
         self.total = self.config.schedule.total_steps(len(self.examples))
 
@@ -166,7 +169,7 @@ class Run:
         self.order = Order(len(index), self.config.run.seed, places)
         self.source = BatchSource(self.examples, config, self.order, self.device, self.share)
         tables = {
-            split: some_of(self.splits[split], config.validation_examples, config.workers)
+            split: some_of(self.held_out[split], config.validation_examples, config.workers)
             for split in config.validation_splits
             if self.first
         }

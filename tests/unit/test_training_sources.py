@@ -1,0 +1,101 @@
+"""What a run learns from: several data sets, some places, none that is validated in."""
+
+import numpy as np
+import pytest
+
+from deeplight.dataset import Example, ExampleMeta, ShardPlan, plan_split
+from deeplight.errors import DataSetError
+from deeplight.sphere import PAPER_RIG
+from deeplight.training.batches import DataConfig
+from deeplight.training.sources import Sources, refuse_shared_places
+
+VALIDATION = ("val_indoor",)
+CONFIG = DataConfig(validation_splits=VALIDATION)
+
+
+def write(folder, places, train=6, validation=0, rig=PAPER_RIG):
+    """A data set whose example n lies in place n modulo their number and is a photo of n + 1."""
+    jobs = [*plan_split("train", train), *plan_split(VALIDATION[0], validation)]
+    plan = ShardPlan.begin(folder, jobs, {"paper": rig.to_dict()}, {})
+    for job in plan.missing():
+        plan.write(
+            job, (example(job.split, places, n) for n in range(job.first, job.first + job.count))
+        )
+    plan.finish()
+    return folder
+
+
+def example(split, places, n):
+    place = places[n % len(places)] if split == "train" else f"held out {n}"
+    photo = np.full((192, 135, 3), n + 1, np.uint8)
+    spheres = {name: np.full((32, 32, 3), n + 1, np.uint8) for name in PAPER_RIG.views}
+    meta = ExampleMeta(place, "take", n, "indoor", split, "paper", "toy", "CC0", "made up")
+    return Example(f"{split}-{n}", photo, spheres, meta)
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("first"), ("a", "b", "c"), validation=2)
+
+
+@pytest.fixture(scope="module")
+def second(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("second"), ("c", "d"), train=4)
+
+
+def shown(chosen):
+    return [int(chosen.pixels(n)[0][0, 0, 0]) for n in range(len(chosen))]
+
+
+def test_examples_of_all_data_sets_are_learnt_from_in_order(first, second):
+    chosen = Sources(first, [second]).training(CONFIG, seed=0)
+    assert shown(chosen) == [1, 2, 3, 4, 5, 6, 1, 2, 3, 4]
+    assert chosen.places.tolist() == [*"abcabc", *"cdcd"]
+    assert shown(Sources(first).training(CONFIG, seed=0)) == [1, 2, 3, 4, 5, 6]
+
+
+def test_fewer_places_are_among_more_and_keep_all_their_examples(first, second):
+    sources, before = Sources(first, [second]), set()
+    for count in (1, 2, 3, 4):
+        chosen = sources.training(DataConfig(places=count), seed=5)
+        places = set(chosen.places.tolist())
+        assert len(places) == count
+        assert before <= places
+        whole = sources.training(CONFIG, seed=5)
+        assert len(chosen) == np.isin(whole.places, sorted(places)).sum()
+        before = places
+    drawn = {str(sources.training(DataConfig(places=1), seed).places[0]) for seed in range(20)}
+    assert len(drawn) > 1
+    with pytest.raises(DataSetError, match="expected 9 training places; got 4"):
+        sources.training(DataConfig(places=9), seed=0)
+
+
+def test_only_the_first_data_set_validates(first, second):
+    assert {n: len(i) for n, i in Sources(first, [second]).validation(CONFIG).items()} == {
+        "val_indoor": 2
+    }
+
+
+def test_a_place_that_is_validated_in_is_not_learnt_from(first, second, tmp_path):
+    sources = Sources(first, [second])
+    held_out = sources.validation(CONFIG).values()
+    refuse_shared_places(sources.training(CONFIG, seed=0), held_out)
+    leak = Sources(first, [write(tmp_path / "leak", ("e", "held out 1"), train=2)])
+    with pytest.raises(DataSetError, match="held out 1"):
+        refuse_shared_places(leak.training(CONFIG, seed=0), held_out)
+
+
+def test_the_fingerprint_tells_what_is_learnt_from(first, second):
+    alone, both = Sources(first).fingerprint, Sources(first, [second]).fingerprint
+    assert alone == Sources(first).sets[0].manifest_sha256
+    assert len({alone, both, Sources(second, [first]).fingerprint}) == 3
+
+
+def test_one_name_means_one_rig(first, tmp_path):
+    from dataclasses import replace
+
+    view = PAPER_RIG.views["mirror"]
+    wider = replace(view, angular_radius_rad=view.angular_radius_rad * 1.1)
+    other = replace(PAPER_RIG, views={**PAPER_RIG.views, "mirror": wider})
+    with pytest.raises(DataSetError, match="one rig named 'paper'"):
+        Sources(first, [write(tmp_path / "other", ("f",), train=1, rig=other)])
