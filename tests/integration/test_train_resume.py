@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from toy_data import write_toy_data
+
 torch = pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from deeplight.cli.main import main  # noqa: E402
-from deeplight.dataset import Example, ExampleMeta, ShardPlan, open_dataset, plan_split  # noqa: E402
+from deeplight.dataset import open_dataset  # noqa: E402
 from deeplight.errors import ConfigError, DataSetError, ModelError  # noqa: E402
-from deeplight.sphere import PAPER_RIG  # noqa: E402
 from deeplight.training import checkpoint, loop  # noqa: E402
 from deeplight.training.batches import BatchSource, ExampleBytes, Order  # noqa: E402
 from deeplight.training.config import TrainConfig  # noqa: E402
@@ -57,31 +58,9 @@ def settings(*more: str) -> TrainConfig:
     return preset("paper", [*SETTINGS, *more])
 
 
-def toy_examples(job):
-    """Each place has its colour, on the photo and on the spheres."""
-    for number in range(job.first, job.first + job.count):
-        random = np.random.default_rng([len(job.split), number])
-        colour = random.uniform(40, 220, 3)
-        photo = random.normal(colour, 12, (192, 135, 3)).clip(0, 255).astype(np.uint8)
-        spheres = {
-            name: np.full((32, 32, 3), colour * share).astype(np.uint8)
-            for name, share in (("mirror", 0.9), ("matte_silver", 0.8), ("diffuse", 0.6))
-        }
-        scene = "outdoor" if job.split.endswith("outdoor") else "indoor"
-        where = (f"{job.split}-{number % 3}", "take", number, scene, job.split)
-        meta = ExampleMeta(*where, "paper", "toy", "CC0", "made up")
-        yield Example(f"{job.split}-{number}", photo, spheres, meta)
-
-
 @pytest.fixture(scope="module")
 def data(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("data")
-    jobs = [job for split, count in COUNTS.items() for job in plan_split(split, count)]
-    plan = ShardPlan.begin(folder, jobs, {"paper": PAPER_RIG.to_dict()}, {})
-    for job in plan.missing():
-        plan.write(job, toy_examples(job))
-    plan.finish()
-    return folder
+    return write_toy_data(tmp_path_factory.mktemp("data"), COUNTS)
 
 
 @pytest.fixture(scope="module")

@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from toy_data import write_toy_data
+
 torch = pytest.importorskip("torch")
 fsspec = pytest.importorskip("fsspec")
 
-from deeplight.dataset import Example, ExampleMeta, ShardPlan, open_dataset, plan_split  # noqa: E402
+from deeplight.dataset import open_dataset  # noqa: E402
 from deeplight.dataset.remote import CACHE  # noqa: E402
 from deeplight.errors import DataSetError  # noqa: E402
-from deeplight.sphere import PAPER_RIG  # noqa: E402
 from deeplight.training import checkpoint  # noqa: E402
 from deeplight.training.augment import AugmentConfig, Inputs, augment  # noqa: E402
 from deeplight.training.batches import Order, StepIndices  # noqa: E402
@@ -48,31 +49,10 @@ SETTINGS = (
 )
 
 
-def toy_examples(job):
-    for number in range(job.first, job.first + job.count):
-        random = np.random.default_rng([len(job.split), number])
-        colour = random.uniform(40, 220, 3)
-        photo = random.normal(colour, 25, (192, 135, 3)).clip(0, 255).astype(np.uint8)
-        spheres = {
-            name: random.normal(colour * share, 9, (32, 32, 3)).clip(0, 255).astype(np.uint8)
-            for name, share in (("mirror", 0.9), ("matte_silver", 0.8), ("diffuse", 0.6))
-        }
-        scene = "outdoor" if job.split.endswith("outdoor") else "indoor"
-        where = (f"{job.split}-{number % 3}", "take", number, scene, job.split)
-        meta = ExampleMeta(*where, "paper", "toy", "CC0", "made up")
-        yield Example(f"{job.split}-{number}", photo, spheres, meta)
-
-
 @pytest.fixture(scope="module")
 def data(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("data")
     counts = {"train": 10, "val_indoor": 2, "val_outdoor": 2}
-    jobs = [job for split, count in counts.items() for job in plan_split(split, count)]
-    plan = ShardPlan.begin(folder, jobs, {"paper": PAPER_RIG.to_dict()}, {})
-    for job in plan.missing():
-        plan.write(job, toy_examples(job))
-    plan.finish()
-    return folder
+    return write_toy_data(tmp_path_factory.mktemp("data"), counts)
 
 
 def deeplight_train(data: Path | str, out: Path, *words: str, seconds: float = 110):

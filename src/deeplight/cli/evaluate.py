@@ -17,8 +17,8 @@ from rich.progress import Progress
 class Args:
     """Options of `deeplight evaluate`."""
 
-    data: Path
-    """Folder of the data set; with --benchmark it is made there."""
+    data: str
+    """Folder or address (s3://, ...) of the data set; with --benchmark the folder to make it in."""
     split: tuple[str, ...] = ("val",)
     """val, test, seen, or splits of the data set; several make one report."""
     model: tuple[str, ...] = ()

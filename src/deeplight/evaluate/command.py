@@ -41,13 +41,13 @@ class Evaluation:
     models: list[NamedModel]
 
 
-def opened(folder: Path, benchmark: str | None = None, hdri: Path | None = None) -> DataSet:
-    """Open a data set, or the one of a benchmark; raises what `benchmark_data` does.
+def opened(place: Path | str, benchmark: str | None = None, hdri: Path | None = None) -> DataSet:
+    """Open a data set in a folder or at an address, or the one of a benchmark in a folder.
 
     Raises:
-        DataSetError: there is none.
+        InputError: there is none, or what `benchmark_data` raises.
     """
-    return benchmark_data(benchmark, hdri, folder) if benchmark else open_dataset(folder)
+    return benchmark_data(benchmark, hdri, Path(place)) if benchmark else open_dataset(place)
 
 
 def evaluation(
