@@ -121,13 +121,13 @@ def _split(results: Results, split: str) -> list[str]:
     examples, places = results.count(split)
     parts = [f"### {split}: {examples} examples in {places} places\n"]
     parts.append(
-        _table(
+        table(
             ["", "scene", "L1 diffuse", "L1 silver", "L1 mirror", "angle of colour, °", "radiance"],
             [
                 [
                     name,
                     scene,
-                    *(_cell(results, (split, name, scene, m), f) for m, f in FORMS.items()),
+                    *(cell(results, (split, name, scene, m), f) for m, f in FORMS.items()),
                 ]
                 for name in results.estimators(split)
                 for scene in SCENES
@@ -137,7 +137,7 @@ def _split(results: Results, split: str) -> list[str]:
     first = results.estimators(split)[0]
     ratios = results.rows[split, first, "both", SPHERES[0]]["ratio"]
     parts.append(
-        _table(
+        table(
             [f"{first} over", "scene", "diffuse", "silver", "mirror"],
             [
                 [
@@ -165,26 +165,26 @@ def _light(results: Results, split: str) -> list[str]:
         return []
     head = ["medians", "energy, stops", "direction, °", "main light, stops", "linear diffuse"]
     rows = [
-        [n, *(_cell(results, (split, n, "both", m), f, "median") for m, f in LIGHT_FORMS.items())]
+        [n, *(cell(results, (split, n, "both", m), f, "median") for m, f in LIGHT_FORMS.items())]
         for n in names
     ]
-    shown = [_table([*head, "mirror detail"], rows)]
+    shown = [table([*head, "mirror detail"], rows)]
     if results.flicker.get(split):
         head = ["from frame to frame", "change, stops", "error of the change, stops"]
         cells = [
             [f["estimator"], *(with_interval("{:.2f}", f[part]) for part in ("change", "error"))]
             for f in results.flicker[split]
         ]
-        shown.append(_table(head, cells))
+        shown.append(table(head, cells))
     return shown
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
 
 
-def _cell(results: Results, key: tuple[str, str, str, str], form: str, kind: str = "mean") -> str:
+def cell(results: Results, key: tuple[str, str, str, str], form: str, kind: str = "mean") -> str:
     row = results.rows.get(key)
     return with_interval(form, row[kind]) if row else "–"
 
