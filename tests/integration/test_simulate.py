@@ -1,6 +1,7 @@
 """From a folder of panoramas to a data set: whole, resumed, in parallel, with broken files."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,10 @@ from deeplight.simulate.run import Recipe, plan, simulate
 RECIPE = Recipe(train_takes=2, eval_takes=1, seen_takes=1, frames=2, shard_takes=2)
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three training places (one broken), a validation and a test place."""
-    hdri = tmp_path / "hdri"
-    hdri.mkdir()
+    hdri = tmp_path_factory.mktemp("hdri")
     rows = ["file,split,place,scene,licence"]
     directions = latlong.directions(64, 128)
     for number, split in enumerate(("train", "train", "train", "val", "test")):
@@ -34,26 +34,34 @@ def folder(tmp_path: Path) -> Path:
     return hdri
 
 
+@pytest.fixture(scope="module")
+def whole(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What one process makes without a break."""
+    out = tmp_path_factory.mktemp("whole") / "data"
+    shards, simulation = plan(folder, out, RECIPE)
+    simulate(shards, simulation, engine=Engine(workers=1))
+    return out
+
+
 def digests(folder: Path) -> dict[str, str]:
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.glob("*.*"))}
 
 
-def test_a_run_makes_every_split_and_tells_what_it_skipped(folder: Path, tmp_path: Path) -> None:
-    shards, simulation = plan(folder, tmp_path / "data", RECIPE)
-    manifest = simulate(shards, simulation, engine=Engine(workers=1))
+def test_a_run_makes_every_split_and_tells_what_it_skipped(whole: Path) -> None:
+    data = open_dataset(whole)
+    manifest = data.manifest
     assert manifest.examples("train") == 8  # two takes of two frames in each place that opens
     assert set(manifest.places("train")) == {"venue0", "venue2"}
     assert [item.file for item in manifest.skipped] == ["p1.exr"]
-    data = open_dataset(tmp_path / "data")
     assert all(example.true_lighting is None for example in data.examples("train"))
     held_out = list(data.examples("unseen_outdoor"))
     assert {example.meta.place for example in held_out} == {"venue4"}
     assert all(example.true_lighting is not None for example in held_out)
 
 
-def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    whole, simulation = plan(folder, tmp_path / "whole", RECIPE)
-    simulate(whole, simulation, engine=Engine(workers=1))
+def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(
+    folder: Path, whole: Path, tmp_path: Path
+) -> None:
     broken, simulation = plan(folder, tmp_path / "broken", RECIPE)
 
     def kill(_: int) -> None:
@@ -64,25 +72,20 @@ def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(folder: Path, tmp_pat
     assert len(broken.missing()) == len(broken.jobs) - 1
     again, simulation = plan(folder, tmp_path / "broken", RECIPE)
     simulate(again, simulation, engine=Engine(workers=1))
-    assert digests(tmp_path / "whole") == digests(tmp_path / "broken")
+    assert digests(whole) == digests(tmp_path / "broken")
 
 
-def test_processes_change_nothing(folder: Path, tmp_path: Path) -> None:
-    for workers in (1, 2):
-        shards, simulation = plan(folder, tmp_path / str(workers), RECIPE)
-        simulate(shards, simulation, Engine(workers=workers))
-    assert digests(tmp_path / "1") == digests(tmp_path / "2")
+def test_processes_change_nothing(folder: Path, whole: Path, tmp_path: Path) -> None:
+    shards, simulation = plan(folder, tmp_path / "two", RECIPE)
+    simulate(shards, simulation, Engine(workers=2))
+    assert digests(whole) == digests(tmp_path / "two")
 
 
-def test_another_seed_films_something_else(folder: Path, tmp_path: Path) -> None:
-    from dataclasses import replace
-
-    for seed in (0, 1):
-        shards, simulation = plan(folder, tmp_path / str(seed), replace(RECIPE, seed=seed))
-        simulate(shards, simulation, engine=Engine(workers=1))
-    assert (
-        digests(tmp_path / "0")["train-000000.tar"] != digests(tmp_path / "1")["train-000000.tar"]
-    )
+def test_another_seed_films_something_else(folder: Path, whole: Path, tmp_path: Path) -> None:
+    shards, simulation = plan(folder, tmp_path / "other", replace(RECIPE, seed=1))
+    shards.write(shards.jobs[0], simulation.examples(shards.jobs[0]))
+    file = shards.jobs[0].file
+    assert digests(whole)[file] != digests(tmp_path / "other")[file]
 
 
 def test_another_recipe_needs_another_folder(folder: Path, tmp_path: Path) -> None:

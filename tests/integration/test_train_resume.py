@@ -18,7 +18,7 @@ pytest.importorskip("safetensors")
 from deeplight.cli.main import main  # noqa: E402
 from deeplight.dataset import open_dataset  # noqa: E402
 from deeplight.errors import ConfigError, DataSetError, ModelError  # noqa: E402
-from deeplight.training import checkpoint, loop  # noqa: E402
+from deeplight.training import checkpoint, fitted, loop  # noqa: E402
 from deeplight.training.batches import BatchSource, ExampleBytes, Order  # noqa: E402
 from deeplight.training.config import TrainConfig  # noqa: E402
 from deeplight.training.loop import BEST, Run, train  # noqa: E402
@@ -298,7 +298,9 @@ def test_what_cannot_be_trained_is_refused(data, tmp_path):
         load_best(tmp_path)
 
 
-def test_a_run_can_start_from_components_of_fitted_light(data, tmp_path):
+def test_a_run_can_start_from_components_of_fitted_light(data, tmp_path, monkeypatch):
+    """How well light is fitted is tested beside `fitted`; here a few steps are enough."""
+    monkeypatch.setattr(fitted, "STEPS", 10)
     mixed = ("network.components=2", "optimiser.decoder_after=2", "schedule.steps=2")
     train(data, tmp_path, settings(*mixed, "run.validate_every=2"))
     table = np.load(tmp_path / "fitted" / "components.npy")

@@ -1,8 +1,8 @@
 """Each way of finding the spheres, through `locate`, on tiny drawn clips."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -102,8 +102,14 @@ def clip(cones: dict[str, Cone], tag: bool = False, moving: bool = True) -> Iter
         yield Drawn(number, number / 30, pixels)  # type: ignore[arg-type]
 
 
-def found(frames: Iterator[Drawn], rig: Rig | TagRig | None) -> dict[str, Cone]:
-    return cones_of(locate(frames, CAMERA, LocateSettings(rig=rig)).rig)  # type: ignore[arg-type]
+@lru_cache(maxsize=1)
+def usual() -> tuple[Drawn, ...]:
+    """The spheres where they belong; drawn once."""
+    return tuple(clip(CONES))
+
+
+def found(frames: Iterable[Drawn], rig: Rig | TagRig | None) -> dict[str, Cone]:
+    return cones_of(locate(iter(frames), CAMERA, LocateSettings(rig=rig)).rig)  # type: ignore[arg-type]
 
 
 def off_px(found: dict[str, Cone], true: dict[str, Cone] = CONES) -> float:
@@ -123,8 +129,9 @@ def test_a_saved_rig_is_found_again_where_it_slipped_by_two_pixels() -> None:
     slip = np.array([2.0, -1.0]) / pixel_scale(CAMERA)
     now = {name: moved(cone, slip, 0.0) for name, cone in CONES.items()}
     saved = rig_of(CONES, "saved")
-    assert off_px(found(clip(now), saved), now) < 0.5
-    assert off_px(found(clip(now), saved)) > 1.5
+    slipped = found(clip(now), saved)
+    assert off_px(slipped, now) < 0.5
+    assert off_px(slipped) > 1.5
     assert off_px(found(clip(CONES, moving=False), saved)) < 0.5
 
 
@@ -132,7 +139,7 @@ def test_a_saved_rig_is_found_again_where_it_slipped_by_two_pixels() -> None:
 def test_a_saved_rig_that_is_elsewhere_is_refused(far_px: float) -> None:
     far = {n: moved(c, np.array([0, far_px / pixel_scale(CAMERA)]), 0.0) for n, c in CONES.items()}
     with pytest.raises(NotLocated, match="a saved rig whose") as caught:
-        found(clip(CONES), rig_of(far, "far"))
+        found(usual(), rig_of(far, "far"))
     assert caught.value.overlay is not None
     assert "\n" not in str(caught.value)
 
@@ -140,7 +147,7 @@ def test_a_saved_rig_that_is_elsewhere_is_refused(far_px: float) -> None:
 def test_a_saved_rig_with_other_materials_in_its_places_is_refused() -> None:
     swapped = dict(zip(SPHERES, [CONES[n] for n in SPHERES[::-1]], strict=True))
     with pytest.raises(NotLocated, match="other materials"):
-        found(clip(CONES), rig_of(swapped, "swapped"))
+        found(usual(), rig_of(swapped, "swapped"))
 
 
 def test_one_outline_gone_astray_does_not_move_a_rig() -> None:
@@ -155,7 +162,7 @@ def test_a_tag_tells_where_the_spheres_are() -> None:
 
 
 def test_a_missing_tag_and_another_tag_are_told() -> None:
-    for frames, rig in ((clip(CONES), TAG), (clip(CONES, tag=True), replace(TAG, tag_id=8))):
+    for frames, rig in ((usual(), TAG), (clip(CONES, tag=True), replace(TAG, tag_id=8))):
         with pytest.raises(NotLocated, match="no AprilTag 36h11 number") as caught:
             found(frames, rig)
         assert caught.value.overlay is not None
