@@ -14,7 +14,7 @@ from deeplight.camera import PinholeCamera
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.frames import UP, world_from_camera
 from deeplight.render import engine, gravity, shapes
-from deeplight.render.compose import Item
+from deeplight.render.compose import Item, placed
 from deeplight.render.composite import composite, radiance_of, write_layers
 from deeplight.render.denoise import denoised
 from deeplight.render.ground import Viewpoint
@@ -187,6 +187,45 @@ def test_a_glb_keeps_its_place_material_and_texture(tmp_path: Path) -> None:
     assert (mesh.finish.roughness, mesh.finish.metallic) == (0.25, 0.75)
     assert mesh.finish.colour_map is not None
     assert mesh.finish.colour_map[0, 0].tolist() == [200, 100, 50]
+    assert not mesh.finish.lost
+
+
+def test_a_sharp_edged_part_keeps_a_colour_without_texture(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box((1, 2, 3))
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorFactor=[51, 102, 255, 255], roughnessFactor=0.5, metallicFactor=0.25
+    )
+    box.visual = trimesh.visual.TextureVisuals(material=material)
+    path = tmp_path / "box.glb"
+    path.write_bytes(box.export(file_type="glb"))
+    (mesh,) = load(str(path))
+    assert mesh.finish.colour == pytest.approx((0.2, 0.4, 1.0))
+    assert (mesh.finish.roughness, mesh.finish.metallic) == (0.5, 0.25)
+
+
+def test_colours_of_faces_are_kept(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box((1, 1, 1))
+    box.visual.face_colors = np.arange(12)[:, None] * [20, 10, 0, 0] + [0, 0, 0, 255]
+    box.export(tmp_path / "box.ply")
+    (mesh,) = load(str(tmp_path / "box.ply"))
+    assert mesh.colours is not None
+    of_faces = mesh.colours[mesh.faces]
+    assert np.ptp(of_faces, axis=1).max() < 1e-6
+    assert len(np.unique(of_faces[:, 0, 0].round(4))) == 12
+
+
+def test_a_texture_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    content = "mtllib none.mtl\nusemtl x\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    (mesh,) = load(text(content, "board.obj", tmp_path))
+    assert mesh.finish.lost
+    camera = Viewpoint(PinholeCamera(64, 48, 1.0), pitch_rad=-0.5)
+    _, notes = placed(camera, [Item(str(tmp_path / "board.obj"))])
+    assert any("could not be read" in note for note in notes)
+    (mesh,) = load(text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "plain.obj", tmp_path))
+    assert not mesh.finish.lost
 
 
 @pytest.mark.parametrize(

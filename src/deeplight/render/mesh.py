@@ -1,7 +1,9 @@
 """Objects to put into a photo: triangle meshes from files or built in, brought to size."""
 
+import logging
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -36,6 +38,7 @@ class Finish:
         colour: base colour, linear.
         colour_map: base colour texture, sRGB; multiplied by `colour` when the file is read.
         roughness, metallic: 0 to 1; each may have a map of one channel.
+        lost: the file names a texture or a material that could not be read.
     """
 
     colour: tuple[float, float, float] = (0.6, 0.6, 0.6)
@@ -44,6 +47,7 @@ class Finish:
     metallic: float = 0.0
     roughness_map: UInt8[np.ndarray, "rows columns"] | None = None
     metallic_map: UInt8[np.ndarray, "rows columns"] | None = None
+    lost: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,10 +142,13 @@ def _opened(path: Path) -> list[Mesh]:
     except ImportError as error:
         raise MissingExtraError("render", f"reading {path.name}") from error
     try:
-        with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
+        with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"), _losses() as lost:
             scene = trimesh.load_scene(str(path), process=False)
+            for geometry in scene.geometry.values():
+                _keep_small(getattr(geometry.visual, "material", None))
             pieces = scene.dump(concatenate=False)
-            return [_mesh(piece) for piece in pieces if isinstance(piece, trimesh.Trimesh)]
+            meshes = [_mesh(piece) for piece in pieces if isinstance(piece, trimesh.Trimesh)]
+        return [replace(m, finish=replace(m.finish, lost=bool(lost))) for m in meshes]
     except MemoryError:
         raise
     except ImageFileError as error:
@@ -152,7 +159,59 @@ def _opened(path: Path) -> list[Mesh]:
         raise ImageFileError("a whole mesh file", got, "export it again, without Draco") from error
 
 
+@contextmanager
+def _losses() -> Iterator[list[str]]:
+    """Collect what trimesh says of textures and materials that it leaves out.
+
+    It goes on without them and tells only its log.
+    """
+    lost: list[str] = []
+    handler, log = logging.Handler(), logging.getLogger("trimesh")
+    level, spread = log.level, log.propagate
+
+    def keep(record: logging.LogRecord) -> None:
+        told = record.getMessage()
+        if "image" in told or "material" in told:
+            lost.append(told)
+
+    handler.emit = keep  # type: ignore[method-assign]
+    log.addHandler(handler)
+    log.setLevel(logging.DEBUG)
+    log.propagate = False
+    try:
+        yield lost
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
+        log.propagate = spread
+
+
+def _keep_small(material: Any) -> None:
+    """Drop a material's pictures that are not used and reduce the others, before they are copied.
+
+    Raises:
+        ImageFileError: one that is far too large.
+    """
+    for name in ("normalTexture", "emissiveTexture", "occlusionTexture"):
+        if getattr(material, name, None) is not None:
+            setattr(material, name, None)
+    for name in ("baseColorTexture", "metallicRoughnessTexture", "image"):
+        picture = getattr(material, name, None)
+        if picture is None:
+            continue
+        if max(picture.size) > MAX_TEXTURE_PX:
+            got = f"one of {picture.size[0]} x {picture.size[1]}"
+            expected = f"textures of at most {MAX_TEXTURE_PX} pixels a side"
+            raise ImageFileError(expected, got, "make them smaller")
+        setattr(
+            material, name, picture.convert("RGB").reduce(-(-max(picture.size) // KEPT_TEXTURE_PX))
+        )
+
+
 def _mesh(piece: Any) -> Mesh:
+    material = getattr(piece.visual, "material", None)  # smoothing loses one without coordinates
+    if piece.visual.kind == "face":
+        piece.unmerge_vertices()  # a colour for each vertex of each face
     if _rounds_its_edges(piece):
         from trimesh.graph import smooth_shade
 
@@ -160,7 +219,7 @@ def _mesh(piece: Any) -> Mesh:
     visual = piece.visual
     uv = getattr(visual, "uv", None)
     colours = None
-    if visual.kind == "vertex":
+    if visual.kind in ("vertex", "face"):
         colours = (np.asarray(visual.vertex_colors)[:, :3] / 255.0) ** 2.2
     return Mesh(
         np.asarray(piece.vertices, float),
@@ -168,7 +227,7 @@ def _mesh(piece: Any) -> Mesh:
         np.asarray(piece.vertex_normals, float) if len(piece.faces) else None,
         None if uv is None else np.asarray(uv, float),
         colours,
-        _finish(getattr(visual, "material", None)),
+        _finish(material),
     )
 
 
@@ -213,16 +272,13 @@ def _coloured(
     red, green, blue = (float(np.clip(c, 0, 1)) for c in colour)
     if picture is None:
         return (red, green, blue), None
-    encoded = np.array([red, green, blue]) ** (1 / 2.2)  # factors are linear, the texture is not
+    # Factors are linear, the texture is not.
+    encoded = np.array([red, green, blue], np.float32) ** np.float32(1 / 2.2)
     return (red, green, blue), (_texture(picture) * encoded).astype(np.uint8)
 
 
 def _texture(picture: Any) -> UInt8[np.ndarray, "height width 3"]:
-    if max(picture.size) > MAX_TEXTURE_PX:
-        got = f"one of {picture.size[0]} x {picture.size[1]}"
-        expected = f"textures of at most {MAX_TEXTURE_PX} pixels a side"
-        raise ImageFileError(expected, got, "make them smaller")
-    return np.asarray(picture.convert("RGB").reduce(-(-max(picture.size) // KEPT_TEXTURE_PX)))
+    return np.asarray(picture.convert("RGB"))
 
 
 def _checked(mesh: Mesh, path: Path) -> Mesh:
