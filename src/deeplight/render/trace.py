@@ -70,7 +70,7 @@ class Quality:
         return max(1, min(wanted, self.most_rays // (fine.width * fine.height)))
 
 
-PREVIEW = Quality(samples=64, shadow_samples=48, shadow_pixels=4_000, most_rays=600_000)
+PREVIEW = Quality(samples=64, shadow_samples=48, shadow_pixels=4_000, most_rays=900_000)
 FINAL = Quality(samples=512, shadow_samples=256, shadow_pixels=60_000, fine=4)
 
 
