@@ -67,7 +67,7 @@ def picture(
     item = compose.Item("bunny", material, (STANDS[0] * width, STANDS[1] * kept), turn_deg=20)
     settings = compose.Settings(QUALITY, ENGINE, texture=False, blur=False, grain=False, seed=seed)
     view = viewpoint(example, height, width)
-    words = f"{view} {item} {settings} {version('mitsuba')} {_sources()}"
+    words = f"{view} {item} {settings} {version('mitsuba')} {SOURCES}"
     meshes = [array for part in mesh.load(item.object) for array in (part.vertices, part.faces)]
     path = folder / f"{_sha256([words.encode(), photo, latlong, *meshes])}.npz"
     if not path.is_file():
@@ -134,15 +134,16 @@ def _shadow_side(made: compose.Composed) -> np.ndarray:
     return side if np.linalg.norm(side) > ONE_SIDED else np.full(2, np.nan)
 
 
-def _sources() -> str:
-    """What renders and measures: with other code, other pictures. Meshes count by themselves."""
-    modules = (compose, composite, denoise, ground, look, materials, scene, surface, trace)
-    files = [Path(__file__), *(Path(str(module.__file__)) for module in modules)]
-    return _sha256([file.read_bytes() for file in files])
-
-
 def _sha256(parts: list) -> str:
     digest = hashlib.sha256()
     for part in parts:
         digest.update(part if isinstance(part, bytes) else np.ascontiguousarray(part))
     return digest.hexdigest()
+
+
+# What renders and measures: with other code, other pictures. Meshes count by themselves. Read once,
+# so that a change while a run goes on counts for the next.
+_CODE = (compose, composite, denoise, ground, look, materials, scene, surface, trace)
+SOURCES = _sha256(
+    [Path(str(file)).read_bytes() for file in (__file__, *(m.__file__ for m in _CODE))]
+)
