@@ -127,7 +127,6 @@ class Generator(nn.Module):
                 f"{config.output_size} and {config.width:g}",
                 "change it",
             )
-        self.config = config
         self.output_size = config.output_size
         self.encoder = MobileNetV2Encoder(config.encoder_norm, freeze_blocks, config.width)
         height, width = FEATURE_SIZE[config.orientation]
@@ -163,21 +162,17 @@ class Generator(nn.Module):
         assert last.bias is not None
         nn.init.constant_(last.bias, math.log(START_RADIANCE))
 
-    def before_activation(self, features: Float[Tensor, "n channel h w"]) -> Tensor:
+    def before_activation(self, photo: Float[Tensor, "n 3 height width"]) -> Tensor:
         """The latent vector before its norm and activation."""
         # Contiguous first: the flatten order is NCHW's, whatever the memory format.
-        latent: Tensor = self.latent(features.contiguous().flatten(1))  # (n, 4800) -> (n, 256)
-        return latent
+        features: Tensor = self.latent(self.encoder(photo).contiguous().flatten(1))  # (n, 4800)
+        return features
 
-    def decoded(self, features: Float[Tensor, "n channel h w"]) -> Float[Tensor, "n 3 size size"]:
-        """ln radiance from the encoder's features."""
-        latent = self.activation(self.latent_norm(self.before_activation(features)))
+    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 size size"]:
+        latent = self.activation(self.latent_norm(self.before_activation(photo)))  # (n, 256)
         latent = self.dropout(latent)
         log_radiance: Tensor = self.decoder(latent)
         return log_radiance if self.mixture is None else log_radiance + self.mixture(latent)
-
-    def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 size size"]:
-        return self.decoded(self.encoder(photo))
 
 
 def twice_as_large(x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h2 w2"]:

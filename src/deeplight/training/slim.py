@@ -232,7 +232,7 @@ def add_norms(generator: Generator, plain: Generator, photos: Tensor) -> None:
     moments, layers = output_moments(plain, photos), dict(named_convolutions(generator))
     for name, source in named_convolutions(plain):
         fill_with_norm(layers[name].conv, layers[name].norm, source.conv, moments[name])
-    latent = plain.before_activation(plain.encoder(photos))
+    latent = plain.before_activation(photos)
     spread = (latent.mean(0), latent.var(0, unbiased=False))
     fill_with_norm(generator.latent, generator.latent_norm, plain.latent, spread)
     generator.decoder.up3.load_state_dict(plain.decoder.up3.state_dict())
