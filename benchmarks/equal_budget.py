@@ -37,8 +37,11 @@ ROWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "adv_strong": ("small-adv", STRONG),
     "places21": ("small-msd", ("data.places=21",)),
     "places42": ("small-msd", ("data.places=42",)),
+    "colours": ("small-msd", ("augment.channel_shuffle=0.0",)),
+    "more": ("small-msd", ()),
 }
-"""Preset and settings by the name of the run; all other settings are the same."""
+"""Preset and settings by the name of the run; all other settings are the same, but that `more`
+also learns from the data sets of --more."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,8 @@ class Args:
     """Folder of a data set with validation splits."""
     imagenet: Path
     """Folded MobileNetV2 weights that every encoder starts from."""
+    more: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """Data sets that the row `more` learns from beside the first; without one it is left out."""
     out: Path = Path("runs/equal")
     """Folder of the runs."""
     rows: tuple[str, ...] = tuple(ROWS)
@@ -63,11 +68,14 @@ def main(args: Args) -> None:
     if unknown:
         raise ConfigError(f"rows of {', '.join(ROWS)}", ", ".join(unknown), "choose of these")
     for name in args.rows:
+        more = args.more if name == "more" else ()
+        if name == "more" and not more:
+            continue
         variant, changes = ROWS[name]
         print(name, variant, *changes)
         config = preset(variant, (*changes, *common(args.steps)))
         with TrainProgress() as progress:
-            train(args.data, args.out / name, config, args.imagenet, progress.show)
+            train(args.data, args.out / name, config, args.imagenet, progress.show, more=more)
         export_run(args.out / name, args.out / name / "model.onnx", data=Path(args.data).name)
 
 
