@@ -1,6 +1,7 @@
 """A run that is killed and resumed is the run that was never killed."""
 
 import csv
+import shutil
 import signal
 import subprocess
 import sys
@@ -311,6 +312,24 @@ def test_a_run_can_start_from_components_of_fitted_light(data, tmp_path, monkeyp
     (tmp_path / "fitted" / "components.npy").unlink()  # from here on the checkpoint has them
     train(data, tmp_path, settings(*mixed, "run.validate_every=2"))
     assert not (tmp_path / "fitted" / "components.npy").exists()
+
+
+def test_a_run_with_a_teacher_goes_on_as_it_began(data, root, tmp_path):
+    """It starts as its teacher answers; resumed, it takes up its own weights again."""
+    taught = (
+        f"distil.teacher={root / 'tests' / 'golden' / 'tiny.onnx'}",
+        "network.width=0.05",
+        "network.latent_size=16",
+        "schedule.steps=2",
+        "run.checkpoint_every=1",
+    )
+    train(data, tmp_path / "whole", settings(*taught))
+    half = checkpoint.checkpoint_path(tmp_path / "whole", 1)
+    (tmp_path / "half" / "checkpoints").mkdir(parents=True)
+    shutil.copy(half, tmp_path / "half" / "checkpoints")
+    shutil.copy(tmp_path / "whole" / "losses.csv", tmp_path / "half")
+    train(data, tmp_path / "half", settings(*taught))
+    assert same_run(tmp_path / "half", tmp_path / "whole")
 
 
 def test_a_run_can_start_from_the_weights_of_another(data, whole, tmp_path):

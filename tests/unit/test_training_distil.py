@@ -57,9 +57,45 @@ def test_another_shape_starts_nearer_than_any_fixed_light(wide, photos, change):
     assert lit_l1(student.eval()(photos), wanted) < 0.8 * lit_l1(fixed, wanted)
 
 
-def test_a_teacher_of_another_latent_size_is_refused(wide, photos):
-    config = NetworkConfig(width=0.25, **PLAIN, **{**SMALL, "latent_size": 32})
-    with pytest.raises(ConfigError, match="latent_size"):
+@torch.no_grad()
+def test_a_teacher_that_begins_as_wide_as_its_student_is_fitted(photos):
+    """The published widths 0.5 and 0.35 both begin with 16 channels."""
+    torch.manual_seed(0)
+    wide = Generator(NetworkConfig(width=0.5, **PLAIN, **SMALL)).eval()
+    torch.nn.init.normal_(wide.decoder.up3.weight, std=0.3)
+    config = NetworkConfig(width=0.35, **PLAIN, **SMALL)
+    student = Generator(config)
+    start_from(student, config, wide, photos)
+    fixed = wide(photos).median(0, keepdim=True).values.expand(len(photos), -1, -1, -1)
+    assert lit_l1(student.eval()(photos), wide(photos)) < 0.8 * lit_l1(fixed, wide(photos))
+
+
+@pytest.mark.parametrize("size", [16, 32])
+@torch.no_grad()
+def test_a_mixture_of_components_travels_to_the_student(photos, size):
+    shape = {"width": 0.35, **PLAIN, **SMALL, "components": 3}
+    torch.manual_seed(0)
+    wide = Generator(NetworkConfig(**shape)).eval()
+    wide.mixture.mix.weight.normal_(std=0.5)
+    smooth = torch.nn.functional.interpolate(torch.randn(4, 3, 4, 4), (16, 16), mode="bilinear")
+    wide.mixture.mean.copy_(smooth[0])
+    wide.mixture.components.copy_(smooth[1:])
+    config = NetworkConfig(**{**shape, "output_size": size})
+    student = Generator(config)
+    start_from(student, config, wide, photos)
+    wanted, found = resized(wide(photos), size), student.eval()(photos)
+    if size == 16:
+        torch.testing.assert_close(found, wanted, atol=1e-3, rtol=0)
+    student.mixture.components.zero_()  # the twin: the decoder alone knows less
+    assert lit_l1(found, wanted) < 0.5 * lit_l1(student(photos), wanted)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"), [({"width": 0.25, "latent_size": 32}, "latent_size"), ({}, "width")]
+)
+def test_a_teacher_of_another_latent_size_or_narrower_is_refused(wide, photos, change, told):
+    config = NetworkConfig(**{"width": 0.5, **PLAIN, **SMALL, **change})
+    with pytest.raises(ConfigError, match=told):
         start_from(Generator(config), config, wide, photos)
 
 
@@ -93,6 +129,17 @@ def test_light_on_a_smaller_ball_keeps_its_mean():
     assert resized(light, 64).shape == (2, 3, 64, 64)
 
 
+@pytest.mark.parametrize("size", [16, 32, 64])
+def test_distance_and_size_look_at_the_ball_only(size):
+    light = torch.zeros(2, 3, size, size)
+    light[:, :, lit_share(size) == 0] = 50.0  # off the ball
+    even = torch.full_like(light, 0.3)
+    assert lit_l1(light, even).item() == pytest.approx(0.3, abs=1e-5)
+    for other in (16, 32):
+        small = resized(light, min(other, size))
+        torch.testing.assert_close(small[:, :, lit_share(len(small[0, 0])) > 0].max(), light.min())
+
+
 def test_the_teacher_adds_its_distance(wide, photos):
     teacher = Teacher(wide, 0.5)
     flipped = torch.arange(len(photos)) % 2 == 0
@@ -101,6 +148,10 @@ def test_the_teacher_adds_its_distance(wide, photos):
     before = LossTerms({"reconstruction": torch.tensor(1.0)}, {})
     assert teacher.join(before, answer, inputs).total() == pytest.approx(1.0)
     assert teacher.join(before, answer + 0.2, inputs).total() == pytest.approx(1.1, abs=1e-4)
+    student = (answer + 0.2).requires_grad_()
+    teacher.join(before, student, inputs).total().backward()
+    assert student.grad.abs().sum() > 0
+    assert all(parameter.grad is None for parameter in wide.parameters())  # it teaches only
 
 
 def test_the_settings_name_the_teacher(root, tmp_path):

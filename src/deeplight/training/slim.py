@@ -44,7 +44,7 @@ def start_from(
     """
     plain = Generator(without_norm(config)).eval()
     refuse_other_shape(plain, wide)
-    if ends_of(plain.encoder)[0].conv.out_channels == ends_of(wide.encoder)[0].conv.out_channels:
+    if shapes_of(plain.encoder) == shapes_of(wide.encoder):
         plain.encoder.load_state_dict(wide.encoder.state_dict())
         plain.latent.load_state_dict(wide.latent.state_dict())
     else:
@@ -57,6 +57,11 @@ def start_from(
 def without_norm(config: NetworkConfig) -> NetworkConfig:
     """The same network with batch norm folded."""
     return replace(config, encoder_norm="none", decoder_norm="none")
+
+
+def shapes_of(module: nn.Module) -> list[torch.Size]:
+    """The shapes of its weights: two widths may well begin with equally many channels."""
+    return [parameter.shape for parameter in module.parameters()]
 
 
 def refuse_other_shape(narrow: Generator, wide: Generator) -> None:
@@ -72,6 +77,10 @@ def refuse_other_shape(narrow: Generator, wide: Generator) -> None:
                 f"{of(narrow)}",
                 "change it with --set, or take another teacher",
             )
+    pairs = zip(shapes_of(narrow.encoder), shapes_of(wide.encoder), strict=True)
+    if any(ours[0] > theirs[0] for ours, theirs in pairs):
+        do = "lower it with --set, or take another teacher"
+        raise ConfigError("network.width of at most the teacher's", "a wider network", do)
 
 
 def fit_encoder(

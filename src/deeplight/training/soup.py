@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
+from torch import Tensor
 
 from deeplight.errors import ModelError
 from deeplight.training import checkpoint
@@ -32,17 +33,27 @@ def average_weights(parts: Sequence[tuple[Path, float]], out: Path) -> checkpoin
     loaded = [(path, *checkpoint.load(path)) for path, _ in parts]
     _, header, first = loaded[0]
     shapes = {name: value.shape for name, value in first["generator"].items()}
-    for path, _, states in loaded:
-        if {n: v.shape for n, v in states.get("generator", {}).items()} != shapes:
+    for path, other, states in loaded:
+        same = {n: v.shape for n, v in states.get("generator", {}).items()} == shapes
+        if not same or orientation(other) != orientation(header):  # which the shapes do not tell
             got = f"{path} of another network than {parts[0][0]}"
             raise ModelError("weights of one network", got, "leave it out")
+    shares = [share / total for _, share in parts]
     mean = {
-        name: torch.stack(
-            [states["generator"][name] * (share / total)
-             for (_, _, states), (_, share) in zip(loaded, parts, strict=True)]
-        ).sum(0).to(value.dtype)
-        for name, value in first["generator"].items()
-    }  # fmt: skip
+        name: weighted_mean([states["generator"][name] for _, _, states in loaded], shares)
+        for name in shapes
+    }
     header = replace(header, best_score=float("inf"))
     checkpoint.save(out, header, generator=mean)
     return header
+
+
+def orientation(header: checkpoint.Header) -> str:
+    """Which photos the network takes."""
+    return str(header.settings.get("network.orientation", "portrait"))
+
+
+def weighted_mean(values: Sequence[Tensor], shares: Sequence[float]) -> Tensor:
+    """In the values' own type: counters are rounded, not cut."""
+    mean = torch.stack([v * share for v, share in zip(values, shares, strict=True)]).sum(0)
+    return mean if values[0].is_floating_point() else mean.round().to(values[0].dtype)
