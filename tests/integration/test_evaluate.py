@@ -160,7 +160,7 @@ def test_the_command_writes_tables_and_files(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "140")
     before = {path: path.read_bytes() for path in data.folder.glob("*.tar")}
-    command.run(command.Args(data.folder, out=tmp_path / "out"))
+    command.run(command.Args(str(data.folder), out=tmp_path / "out"))
     shown = capsys.readouterr().out
     names = ("deeplight", "mean_spheres", "best_constant", "photo_mean", "true_lighting")
     for text in ("val, indoor", "val, outdoor", "θ rgb", "against the true light", *names):
@@ -218,7 +218,7 @@ def test_several_models_splits_and_other_methods_stand_in_one_report(
         write_exr(tmp_path / "other" / f"val_outdoor-{number}.exr", panorama)
     command.run(
         command.Args(
-            data.folder,
+            str(data.folder),
             split=("val_outdoor", "val"),
             examples=4,
             model=("first=a.onnx", "second=b.onnx"),
@@ -246,7 +246,7 @@ def test_several_models_splits_and_other_methods_stand_in_one_report(
 @pytest.mark.usefixtures("knowing")
 def test_without_true_light_the_report_says_what_it_can(data: DataSet, tmp_path: Path) -> None:
     """As in a real capture; here the training split, which holds none."""
-    command.run(command.Args(data.folder, ("train",), out=tmp_path / "out", examples=4))
+    command.run(command.Args(str(data.folder), ("train",), out=tmp_path / "out", examples=4))
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert {s["estimator"] for s in results["summary"]} >= {"deeplight", "photo_mean"}
     assert not {s["metric"] for s in results["summary"]} & {"energy_stops", "direction_deg"}
@@ -258,11 +258,11 @@ def test_without_true_light_the_report_says_what_it_can(data: DataSet, tmp_path:
 @pytest.mark.usefixtures("knowing")
 def test_a_split_the_data_set_lacks_is_told(data: DataSet, tmp_path: Path) -> None:
     with pytest.raises(DataSetError, match="test"):
-        command.run(command.Args(data.folder, ("test",)))
+        command.run(command.Args(str(data.folder), ("test",)))
     with pytest.raises(DataSetError, match="choose one of"):
-        command.run(command.Args(data.folder, ("holdout",)))
+        command.run(command.Args(str(data.folder), ("holdout",)))
     with pytest.raises(ConfigError, match="at least 1 example"):
-        command.run(command.Args(data.folder, out=tmp_path / "out", examples=0))
+        command.run(command.Args(str(data.folder), out=tmp_path / "out", examples=0))
     assert not (tmp_path / "out").exists()
 
 
@@ -270,4 +270,4 @@ def test_a_split_the_data_set_lacks_is_told(data: DataSet, tmp_path: Path) -> No
 def test_an_out_that_is_a_file_is_told_before_the_work(data: DataSet, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("not a folder")
     with pytest.raises(FileExistsError):
-        command.run(command.Args(data.folder, out=tmp_path / "out"))
+        command.run(command.Args(str(data.folder), out=tmp_path / "out"))
