@@ -34,8 +34,9 @@ run: $(VENV)/.installed-base
 	@echo "To look at: out/examples/*.preview.png (the photo, its light, the three spheres)"
 	@echo "To light with: out/examples/*.exr, described by *.json"
 
+# A file's tests stay in one process: what they share is made once.
 test: $(VENV)/.installed-test
-	$(BIN)/pytest -n $(JOBS)
+	$(BIN)/pytest -n $(JOBS) --dist loadfile
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
