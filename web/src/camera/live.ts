@@ -1,4 +1,5 @@
 /** The phone's camera: opened on demand, off while the page is hidden. */
+import type { Frame } from "../estimate/picker.ts";
 import { Failure, type FailureKind } from "../page/failure.ts";
 import type { Picture } from "./picture.ts";
 
@@ -61,14 +62,27 @@ export class LiveCamera implements Picture {
     return this.source.videoHeight;
   }
 
-  grab(): Promise<ImageBitmap> {
-    return createImageBitmap(this.source);
+  async grab(): Promise<Frame> {
+    return filmed(this.source) ?? createImageBitmap(this.source);
   }
 
   close(): void {
     this.onLost = () => {};
     for (const track of this.stream.getTracks()) track.stop();
     if (this.source.srcObject === this.stream) this.source.srcObject = null;
+  }
+}
+
+/**
+ * The frame as it came from the camera, which costs nothing; undefined where the browser cannot
+ * tell that it is upright: that is why it gets this far only where frames know their rotation.
+ */
+function filmed(video: HTMLVideoElement): VideoFrame | undefined {
+  if (typeof VideoFrame === "undefined" || !("rotation" in VideoFrame.prototype)) return undefined;
+  try {
+    return new VideoFrame(video);
+  } catch {
+    return undefined; // no frame yet, or one that must not be read
   }
 }
 

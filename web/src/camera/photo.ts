@@ -1,5 +1,6 @@
 /** A photo from a file, upright, as large as browsers can hold. */
 import { MID_GREY } from "../contract/generated.ts";
+import type { Frame } from "../estimate/picker.ts";
 import { Failure } from "../page/failure.ts";
 import { verticalFovRad } from "./exif.ts";
 import type { Picture } from "./picture.ts";
@@ -55,8 +56,9 @@ export class Photo implements Picture {
     return this.source.height;
   }
 
-  grab(): Promise<ImageBitmap> {
-    return createImageBitmap(this.source);
+  async grab(): Promise<Frame> {
+    if (typeof VideoFrame === "undefined") return createImageBitmap(this.source);
+    return new VideoFrame(this.source, { timestamp: 0, alpha: "discard" });
   }
 
   close(): void {
@@ -69,7 +71,8 @@ function drawn(source: CanvasImageSource, width: number, height: number): HTMLCa
   const canvas = document.createElement("canvas");
   canvas.width = Math.round(width * scale);
   canvas.height = Math.round(height * scale);
-  const context = canvas.getContext("2d");
+  // Its pixels are read at once, by the estimate: no need for them to be on a graphics card.
+  const context = canvas.getContext("2d", { willReadFrequently: true });
   if (!context) throw new Failure("photo-too-large", "no canvas of this size");
   context.imageSmoothingQuality = "high";
   context.fillStyle = `rgb(${MID_GREY},${MID_GREY},${MID_GREY})`; // under transparent parts

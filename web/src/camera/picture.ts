@@ -1,4 +1,6 @@
 /** What is on screen: the light is estimated from it, and the object stands in it. */
+import type { Frame } from "../estimate/picker.ts";
+
 export interface Picture {
   readonly kind: "live" | "photo";
   /** The name of its file; null for a camera's. */
@@ -11,7 +13,7 @@ export interface Picture {
   /** Where the file tells it; undefined means that 66 degrees along the long side are assumed. */
   readonly verticalFovRad: number | undefined;
   /** The pixels of now, at full size. */
-  grab(): Promise<ImageBitmap>;
+  grab(): Promise<Frame>;
   /** Lets go of the camera or the memory. */
   close(): void;
 }

@@ -13,12 +13,22 @@ interface Spans {
   readonly length: number; // of a cell, in pixels
 }
 
-const PACKED = 256; // so many bytes add up in 16 bits
+/** So many bytes add up in 16 bits. */
+const PACKED = 256;
 
-/** Sums over rows, one entry per column: red and blue side by side in 16 bits each, and green. */
+/** Rows of pixels that follow each other. */
+interface Rows {
+  readonly pixels: Int32Array;
+  readonly start: number;
+  readonly pitch: number;
+  readonly rows: number;
+}
+
+/** Sums over rows, one entry per column: two channels side by side, in 16 bits each. */
 interface Sums {
   readonly redBlue: Int32Array;
-  readonly green: Int32Array;
+  readonly green: Int32Array; // times 256; the other half is empty
+  rows: number; // that are in it
 }
 
 export class CellMeans {
@@ -32,7 +42,7 @@ export class CellMeans {
   readonly #cells: Float64Array; // weighted sums: rows, columns, RGB
   readonly #whole: Sums; // of the rows that lie wholly in the present row of cells
   readonly #part: Sums; // of one row that is shared
-  #wholeRows = 0;
+  readonly #shared: Float64Array; // that row's own row of cells
   #present = 0; // the first row of cells that is not complete
 
   constructor(readonly framing: Framing) {
@@ -44,89 +54,91 @@ export class CellMeans {
     this.left = this.#columns.first[0]!;
     this.width = this.#columns.last.at(-1)! + 1 - this.left;
     this.#cells = new Float64Array(3 * framing.inputHeight * framing.inputWidth);
+    this.#shared = new Float64Array(3 * framing.inputWidth);
     this.#whole = noSums(this.width);
     this.#part = noSums(this.width);
   }
 
-  /** Adds whole rows of the part that matters, RGBA, from `row` of the photo on, in order. */
-  add(rgba: Uint8ClampedArray, row: number): void {
-    const pixels = new Uint32Array(rgba.buffer, rgba.byteOffset, rgba.byteLength / 4);
-    const end = row + pixels.length / this.width;
+  /**
+   * Adds rows of the part that matters, four bytes a pixel, from `row` of the photo on, in order.
+   *
+   * @param pitch pixels from the start of a row to that of the next.
+   */
+  add(bytes: Uint8Array | Uint8ClampedArray, row: number, pitch = this.width): void {
+    const pixels = new Int32Array(bytes.buffer, bytes.byteOffset, bytes.byteLength / 4);
+    const end = row + Math.ceil(pixels.length / pitch);
     for (let at = row; at < end; ) {
-      const start = (at - row) * this.width;
+      const start = (at - row) * pitch;
       for (; this.#present < this.#rows.last.length && this.#rows.last[this.#present]! < at; ) {
         this.#flush();
         this.#present++;
       }
-      if (Math.min(end - at, this.#wholeRowsFrom(at)) >= 4) {
-        this.#makeRoom(4);
-        addFourRows(this.#whole, pixels, start);
-        at += 4;
+      const alone = Math.min(end - at, this.#aloneFrom(at), PACKED);
+      if (alone > 0) {
+        if (this.#whole.rows + alone > PACKED) this.#flush();
+        addRows(this.#whole, { pixels, start, pitch, rows: alone });
+        at += alone;
       } else {
-        this.#addToEach(pixels, start, at);
+        this.#addToEach({ pixels, start, pitch, rows: 1 }, at);
         at++;
       }
     }
   }
 
   /** Adds a row to every row of cells that has a part of it. */
-  #addToEach(pixels: Uint32Array, start: number, at: number): void {
+  #addToEach(row: Rows, at: number): void {
     const { first, last, firstWeight, lastWeight } = this.#rows;
+    const shared = this.#shared.fill(0);
+    addRows(this.#part, row);
+    this.#addColumns(this.#part, shared, 0);
     for (let cell = this.#present; cell < first.length && first[cell]! <= at; cell++) {
       const weight =
         at === first[cell] ? firstWeight[cell]! : at === last[cell] ? lastWeight[cell]! : 1;
-      if (weight === 1 && cell === this.#present) {
-        this.#makeRoom(1);
-        addRow(this.#whole, pixels, start);
-      } else {
-        clear(this.#part);
-        addRow(this.#part, pixels, start);
-        this.#addColumns(this.#part, cell, weight);
-      }
+      const to = cell * shared.length;
+      for (let i = 0; i < shared.length; i++) this.#cells[to + i]! += weight * shared[i]!;
     }
   }
 
   /** How many rows from this one on lie wholly in the present row of cells, and in no other. */
-  #wholeRowsFrom(at: number): number {
+  #aloneFrom(at: number): number {
     const { first, last, firstWeight, lastWeight } = this.#rows;
     const cell = this.#present;
     if (cell >= first.length || at < first[cell]! + (firstWeight[cell] === 1 ? 0 : 1)) return 0;
     const isAlone = cell + 1 === first.length || first[cell + 1]! > last[cell]!;
-    const shared = isAlone && lastWeight[cell] === 1 ? 0 : 1;
+    const shared = isAlone && (lastWeight[cell] === 1 || last[cell] === first[cell]) ? 0 : 1;
     return last[cell]! + 1 - shared - at;
   }
 
-  /** Red, green and blue planes, with pixel value 0 at `low` and 255 at `high`. */
-  planes(low: number, high: number): Float32Array {
+  /**
+   * Three planes, in the order of the pixels' bytes, with pixel value 0 at `low` and 255 at `high`.
+   *
+   * @param isReversed the bytes are BGRA: the last plane comes first.
+   */
+  planes(low: number, high: number, isReversed = false): Float32Array {
     this.#flush();
     const count = this.#cells.length / 3;
     const scale = (high - low) / (255 * this.#rows.length * this.#columns.length);
     const result = new Float32Array(3 * count);
-    for (let cell = 0; cell < count; cell++) {
-      for (let c = 0; c < 3; c++)
-        result[c * count + cell] = low + scale * this.#cells[3 * cell + c]!;
+    for (let c = 0; c < 3; c++) {
+      const to = (isReversed ? 2 - c : c) * count;
+      for (let cell = 0; cell < count; cell++) {
+        result[to + cell] = low + scale * this.#cells[3 * cell + c]!;
+      }
     }
     return result;
   }
 
-  /** Before the sums of whole rows overflow they are taken into the cells. */
-  #makeRoom(rows: number): void {
-    if (this.#wholeRows + rows > PACKED) this.#flush();
-    this.#wholeRows += rows;
-  }
-
   #flush(): void {
-    if (this.#wholeRows === 0) return;
-    this.#addColumns(this.#whole, this.#present, 1);
-    clear(this.#whole);
-    this.#wholeRows = 0;
+    if (this.#whole.rows === 0) return;
+    this.#addColumns(this.#whole, this.#cells, 3 * this.#present * this.#columns.first.length);
   }
 
-  /** Adds up sums over the columns' spans, for one row of cells. */
-  #addColumns({ redBlue, green }: Sums, row: number, weight: number): void {
+  /** Adds sums up over the columns' spans, to the row of cells at `to`, and empties them. */
+  #addColumns(sums: Sums, cells: Float64Array, to: number): void {
     const { first, last, firstWeight, lastWeight } = this.#columns;
-    const cells = this.#cells;
-    for (let cell = 0, to = 3 * row * first.length; cell < first.length; cell++, to += 3) {
+    const { redBlue, green } = sums;
+    const most = Math.floor(PACKED / sums.rows); // so many columns add up before 16 bits are full
+    for (let cell = 0, at = to; cell < first.length; cell++, at += 3) {
       const from = first[cell]! - this.left;
       const end = last[cell]! - this.left;
       const a = firstWeight[cell]!;
@@ -134,48 +146,54 @@ export class CellMeans {
       let red = a * (redBlue[from]! & 0xffff) + b * (redBlue[end]! & 0xffff);
       let mid = a * green[from]! + b * green[end]!;
       let blue = a * (redBlue[from]! >>> 16) + b * (redBlue[end]! >>> 16);
-      for (let i = from + 1; i < end; i++) {
-        red += redBlue[i]! & 0xffff;
-        mid += green[i]!;
-        blue += redBlue[i]! >>> 16;
+      for (let i = from + 1; i < end; ) {
+        let [both, one] = [0, 0];
+        for (const stop = Math.min(i + most, end); i < stop; i++) {
+          both = (both + redBlue[i]!) | 0;
+          one = (one + green[i]!) | 0;
+        }
+        red += both & 0xffff;
+        mid += one;
+        blue += both >>> 16;
       }
-      cells[to]! += weight * red;
-      cells[to + 1]! += weight * mid;
-      cells[to + 2]! += weight * blue;
+      cells[at]! += red;
+      cells[at + 1]! += mid / 256;
+      cells[at + 2]! += blue;
     }
+    sums.rows = 0;
   }
 }
 
 function noSums(width: number): Sums {
-  return { redBlue: new Int32Array(width), green: new Int32Array(width) };
+  return { redBlue: new Int32Array(width), green: new Int32Array(width), rows: 0 };
 }
 
-function clear({ redBlue, green }: Sums): void {
-  redBlue.fill(0);
-  green.fill(0);
-}
-
-/** Nearly all the time goes here; four at once is twice as fast as one by one. */
-function addFourRows({ redBlue, green }: Sums, pixels: Uint32Array, start: number): void {
+/** Most of the time goes here; four at once are twice as fast as one by one. */
+function addRows(sums: Sums, { pixels, start, pitch, rows }: Rows): void {
+  const { redBlue, green } = sums;
   const width = green.length;
-  for (let i = 0, at = start; i < width; i++, at++) {
-    const a = pixels[at]!;
-    const b = pixels[at + width]!;
-    const c = pixels[at + 2 * width]!;
-    const d = pixels[at + 3 * width]!;
-    redBlue[i] = redBlue[i]! + (a & 0xff00ff) + (b & 0xff00ff) + (c & 0xff00ff) + (d & 0xff00ff);
-    green[i] =
-      green[i]! + ((a >>> 8) & 0xff) + ((b >>> 8) & 0xff) + ((c >>> 8) & 0xff) + ((d >>> 8) & 0xff);
+  if (sums.rows === 0) {
+    redBlue.fill(0);
+    green.fill(0);
   }
-}
-
-function addRow({ redBlue, green }: Sums, pixels: Uint32Array, start: number): void {
-  const width = green.length;
-  for (let i = 0; i < width; i++) {
-    const pixel = pixels[start + i]!;
-    redBlue[i] = redBlue[i]! + (pixel & 0xff00ff);
-    green[i] = green[i]! + ((pixel >>> 8) & 0xff);
+  let row = 0;
+  for (; row + 4 <= rows; row += 4) {
+    for (let i = 0, at = start + row * pitch; i < width; i++, at++) {
+      const a = pixels[at]!;
+      const b = pixels[at + pitch]!;
+      const c = pixels[at + 2 * pitch]!;
+      const d = pixels[at + 3 * pitch]!;
+      redBlue[i]! += (a & 0xff00ff) + (b & 0xff00ff) + (c & 0xff00ff) + (d & 0xff00ff);
+      green[i]! += (a & 0xff00) + (b & 0xff00) + (c & 0xff00) + (d & 0xff00);
+    }
   }
+  for (; row < rows; row++) {
+    for (let i = 0, at = start + row * pitch; i < width; i++, at++) {
+      redBlue[i]! += pixels[at]! & 0xff00ff;
+      green[i]! += pixels[at]! & 0xff00;
+    }
+  }
+  sums.rows += rows;
 }
 
 /** Cuts `low` to `high` into cells over a line of `length` pixels whose ends go on for ever. */

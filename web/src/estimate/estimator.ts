@@ -3,7 +3,8 @@ import { Lighting } from "../light/lighting.ts";
 import type { Contract } from "./contract.ts";
 import type { Progress } from "./download.ts";
 import { EstimateError } from "./errors.ts";
-import type { Reply, Request } from "./worker.ts";
+import type { Frame } from "./picker.ts";
+import type { Fault, Reply, Request } from "./worker.ts";
 
 export interface Estimate {
   readonly lighting: Lighting;
@@ -24,53 +25,47 @@ export interface ModelFacts {
   readonly sha256: string | null; // null where the browser offers no hashes: plain http
 }
 
+type Answer = Extract<Reply, { logRadiance: unknown } | { failed: unknown }>;
+
 interface Job {
-  readonly frame: ImageBitmap;
+  readonly frame: Frame;
   readonly verticalFovRad: number | undefined;
   readonly done: (estimate: Estimate | null) => void;
   readonly failed: (error: EstimateError) => void;
 }
 
 export class Estimator {
+  /** @throws EstimateError that says what is missing, damaged or not supported. */
+  readonly loaded: Promise<ModelFacts>;
+  /** Null until everything has been loaded. */
+  model: ModelFacts | null = null;
   #running: Job | null = null;
   #waiting: Job | null = null;
   #closed = false;
 
   private constructor(
-    readonly model: ModelFacts,
     private readonly worker: Worker,
+    where: Where,
+    onProgress: Progress,
   ) {
-    worker.onmessage = ({ data }: MessageEvent<Reply>) => this.#answered(data);
-    worker.onerror = (event) => this.#answered(brokenWorker(event));
+    this.loaded = this.#load(where, onProgress).catch((error: unknown) => {
+      this.close();
+      throw error;
+    });
   }
 
-  /** @throws EstimateError that says what is missing, damaged or not supported. */
-  static async load(where: Where, onProgress: Progress = () => {}): Promise<Estimator> {
+  /** Takes frames from now on; their light comes when everything has been loaded. */
+  static start(where: Where, onProgress: Progress = () => {}): Estimator {
     const worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
-    try {
-      const loaded = await new Promise<Omit<ModelFacts, "file">>((done, failed) => {
-        worker.onmessage = ({ data }: MessageEvent<Reply>) => {
-          if ("progress" in data) onProgress(...data.progress);
-          else if ("loaded" in data) done(data.loaded);
-          else if ("failed" in data) failed(errorOf(data.failed));
-        };
-        worker.onerror = (event) => failed(errorOf(brokenWorker(event).failed));
-        const load = { model: where.model.href, runtime: where.runtime.href };
-        worker.postMessage({ load } satisfies Request);
-      });
-      const file = where.model.pathname.split("/").at(-1)!;
-      return new Estimator({ file, ...loaded }, worker);
-    } catch (error) {
-      worker.terminate();
-      throw error;
-    }
+    return new Estimator(worker, where, onProgress);
   }
 
   /**
-   * The light of an upright frame, which is closed. Without a field of view the long side is taken
-   * to span 66 degrees. Null when a newer frame took its place, or after `close`.
+   * The light of an upright, opaque frame, which is closed. Without a field of view the long side is
+   * taken to span 66 degrees. Null when a newer frame took its place, after `close`, and where
+   * `loaded` fails.
    */
-  estimate(frame: ImageBitmap, verticalFovRad?: number): Promise<Estimate | null> {
+  estimate(frame: Frame, verticalFovRad?: number): Promise<Estimate | null> {
     return new Promise((done, failed) => {
       drop(this.#waiting);
       this.#waiting = { frame, verticalFovRad, done, failed };
@@ -99,28 +94,42 @@ export class Estimator {
     this.worker.postMessage(request, [job.frame]);
   }
 
-  #answered(reply: Reply): void {
+  #load(where: Where, onProgress: Progress): Promise<ModelFacts> {
+    const file = where.model.pathname.split("/").at(-1)!;
+    return new Promise((done, failed) => {
+      this.worker.onmessage = ({ data }: MessageEvent<Reply>) => {
+        if ("progress" in data) onProgress(...data.progress);
+        else if ("loaded" in data) {
+          this.model = { file, ...data.loaded };
+          done(this.model);
+        } else if ("notLoaded" in data) failed(errorOf(data.notLoaded));
+        else this.#answered(data);
+      };
+      this.worker.onerror = (event) => {
+        const fault: Fault = { kind: "runtime", detail: event.message || "the worker broke" };
+        if (this.model) this.#answered({ failed: fault });
+        else failed(errorOf(fault));
+      };
+      const load = { model: where.model.href, runtime: where.runtime.href };
+      this.worker.postMessage({ load } satisfies Request);
+    });
+  }
+
+  #answered(reply: Answer): void {
     const job = this.#running;
     this.#running = null;
     if ("logRadiance" in reply) {
       const { logRadiance, preprocessMs, runMs } = reply;
       job?.done({ lighting: new Lighting(logRadiance), preprocessMs, runMs });
-    } else if ("failed" in reply) {
+    } else {
       job?.failed(errorOf(reply.failed));
     }
     this.#next();
   }
 }
 
-type Failed = Extract<Reply, { failed: unknown }>;
-
-function errorOf({ kind, detail }: Failed["failed"]): EstimateError {
+function errorOf({ kind, detail }: Fault): EstimateError {
   return new EstimateError(kind, detail);
-}
-
-/** The worker's own file is missing, or it died. */
-function brokenWorker(event: ErrorEvent): Failed {
-  return { failed: { kind: "runtime", detail: event.message || "the worker could not start" } };
 }
 
 function drop(job: Job | null): void {

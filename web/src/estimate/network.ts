@@ -10,14 +10,20 @@ export class Network {
     private readonly session: ort.InferenceSession,
   ) {}
 
-  /** @param runtime the folder of onnxruntime's .wasm and .mjs, with its last slash; none: beside it */
-  static async open(model: Uint8Array, runtime?: string): Promise<Network> {
+  /**
+   * Fetches and starts onnxruntime while the model is still on its way.
+   *
+   * @param folder of its .wasm and .mjs, with the last slash; without this call they lie beside us.
+   */
+  static startRuntime(folder: string): void {
+    ort.env.wasm.wasmPaths = folder;
+    // There is no call for this alone. What fails here fails again, and is told, in `open`.
+    void created(new Uint8Array(1)).catch(() => {});
+  }
+
+  static async open(model: Uint8Array): Promise<Network> {
     const contract = contractOf(model);
-    ort.env.wasm.numThreads = 1; // more need cross-origin isolation, which hosts rarely give
-    ort.env.logLevel = "fatal"; // faults come as exceptions
-    if (runtime !== undefined) ort.env.wasm.wasmPaths = runtime;
-    const session = await opened(model);
-    return new Network(contract, session);
+    return new Network(contract, await opened(model));
   }
 
   /** Log radiance of the mirror ball, rows from the top, RGB. */
@@ -38,17 +44,24 @@ export class Network {
 }
 
 async function opened(model: Uint8Array): Promise<ort.InferenceSession> {
+  const file = prepared(model);
   try {
-    return await ort.InferenceSession.create(prepared(model), {
-      executionProviders: ["wasm"],
-      graphOptimizationLevel: "disabled", // it is done
-    });
+    return await created(file);
   } catch (error) {
     const why = String(error);
     // The runtime says so when it cannot start at all; everything else is the model's fault.
     const kind = why.includes("no available backend") ? "runtime" : "model-damaged";
     throw new EstimateError(kind, why);
   }
+}
+
+function created(model: Uint8Array): Promise<ort.InferenceSession> {
+  ort.env.wasm.numThreads = 1; // more need cross-origin isolation, which hosts rarely give
+  ort.env.logLevel = "fatal"; // faults come as exceptions
+  return ort.InferenceSession.create(model, {
+    executionProviders: ["wasm"],
+    graphOptimizationLevel: "disabled", // `prepared` has done it
+  });
 }
 
 /** From planes of one channel each to RGB by pixel. */

@@ -5,11 +5,11 @@ import { download } from "./download.ts";
 import { EstimateError, type EstimateErrorKind } from "./errors.ts";
 import { framePhoto } from "./framing.ts";
 import { Network } from "./network.ts";
-import { Picker } from "./picker.ts";
+import { type Frame, Picker, sizeOf } from "./picker.ts";
 
 export type Request =
   | { readonly load: { readonly model: string; readonly runtime: string } }
-  | { readonly frame: ImageBitmap; readonly verticalFovRad: number | undefined };
+  | { readonly frame: Frame; readonly verticalFovRad: number | undefined };
 
 export type Reply =
   | { readonly progress: readonly [done: number, all: number] }
@@ -19,37 +19,63 @@ export type Reply =
       readonly preprocessMs: number;
       readonly runMs: number;
     }
-  | { readonly failed: { readonly kind: EstimateErrorKind; readonly detail: string } };
+  | { readonly failed: Fault }
+  | { readonly notLoaded: Fault };
 
-let network: Network | undefined;
+export interface Fault {
+  readonly kind: EstimateErrorKind;
+  readonly detail: string;
+}
+
+/** Where nobody asks for light so soon, the first run, which is slow, is done beforehand. */
+const IDLE_MS = 300;
+
+let loading: Promise<Network> | undefined;
+let isAsked = false;
 const picker = new Picker();
 
 self.onmessage = ({ data }: MessageEvent<Request>) => {
-  const answer = "load" in data ? load(data.load) : estimate(data.frame, data.verticalFovRad);
-  answer.then(reply, (error: unknown) => {
-    const kind = error instanceof EstimateError ? error.kind : "runtime";
-    reply({ failed: { kind, detail: error instanceof Error ? error.message : String(error) } });
-  });
+  if ("load" in data) {
+    load(data.load).then(reply, (error: unknown) => reply({ notLoaded: faultOf(error) }));
+  } else {
+    const light = estimate(data.frame, data.verticalFovRad);
+    light.then(reply, (error: unknown) => reply({ failed: faultOf(error) }));
+  }
 };
 
-async function load({ model, runtime }: { model: string; runtime: string }): Promise<Reply> {
-  const bytes = await download(model, (done, all) => reply({ progress: [done, all] }));
-  const sha256 = await hash(bytes);
-  network = await Network.open(bytes, runtime);
-  // The first run is the slowest: it is done before somebody waits for it.
-  const { contract } = network;
-  await network.logRadiance(new Float32Array(3 * contract.height * contract.width));
-  return { loaded: { contract, sha256 } };
+function faultOf(error: unknown): Fault {
+  const kind = error instanceof EstimateError ? error.kind : "runtime";
+  return { kind, detail: error instanceof Error ? error.message : String(error) };
 }
 
-async function estimate(frame: ImageBitmap, verticalFovRad?: number): Promise<Reply> {
+async function load({ model, runtime }: { model: string; runtime: string }): Promise<Reply> {
+  Network.startRuntime(runtime);
+  const bytes = download(model, (done, all) => reply({ progress: [done, all] }));
+  loading = bytes.then((file) => Network.open(file));
+  const sha256 = bytes.then(hash);
+  sha256.catch(() => {}); // told by what waits for the network
+  const network = await loading;
+  setTimeout(() => void warmUp(network), IDLE_MS);
+  return { loaded: { contract: network.contract, sha256: await sha256 } };
+}
+
+async function warmUp(network: Network): Promise<void> {
+  if (isAsked) return;
+  const { height, width } = network.contract;
+  await network.logRadiance(new Float32Array(3 * height * width)).catch(() => {});
+}
+
+async function estimate(frame: Frame, verticalFovRad?: number): Promise<Reply> {
+  isAsked = true;
+  const network = await loading;
   if (network === undefined) throw new EstimateError("runtime", "expected a loaded model");
   const { contract } = network;
   const started = performance.now();
-  const means = new CellMeans(framePhoto(frame.height, frame.width, verticalFovRad, contract));
-  picker.pick(frame, means);
+  const { width, height } = sizeOf(frame);
+  const means = new CellMeans(framePhoto(height, width, verticalFovRad, contract));
+  const isReversed = await picker.pick(frame, means);
   frame.close();
-  const planes = means.planes(contract.input_low, contract.input_high);
+  const planes = means.planes(contract.input_low, contract.input_high, isReversed);
   const prepared = performance.now();
   const logRadiance = await network.logRadiance(planes);
   const done = performance.now();

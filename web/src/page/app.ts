@@ -20,7 +20,7 @@ import { Failure } from "./failure.ts";
 import { inWords } from "./light-in-words.ts";
 import { LightPanel } from "./light-panel.ts";
 import { Meter } from "./meter.ts";
-import { ModelLoader } from "./model-loader.ts";
+import type { ModelLoader } from "./model-loader.ts";
 import type { Notice } from "./notice.ts";
 import { Watch } from "./watch.ts";
 
@@ -34,6 +34,8 @@ export class App {
   readonly sensor = new OrientationSensor();
   /** Called when the picture, the pose or the tools' state have changed. */
   onChange: () => void = () => {};
+  readonly firstLight: Promise<void>;
+  private wasLit: () => void = () => {};
   /** How the camera is held where no sensor tells. */
   tiltRad = ASSUMED_TILT_RAD;
   /** The newest light, smoothed while live. */
@@ -47,20 +49,22 @@ export class App {
   private asked = 0;
   /** The camera is off because nobody sees the page. */
   private sleeping = false;
-  private estimator: Estimator | null = null;
   private watch: Watch | null = null;
-  readonly model: ModelLoader;
   private readonly smoother = new Smoother();
   private readonly meter = new Meter();
   private readonly panel = new LightPanel();
 
-  /** @throws Failure `no-webgl`. */
-  constructor(private readonly notice: Notice) {
+  constructor(
+    private readonly notice: Notice,
+    private readonly model: ModelLoader,
+  ) {
+    this.firstLight = new Promise((resolve) => {
+      this.wasLit = resolve;
+    });
     this.stage = new Stage(canvas("view"));
     this.stage.onLost = () => notice.show(new Failure("graphics-lost"));
     this.hand = new Hand(this.stage);
     this.showroom = new Showroom(this.stage);
-    this.model = new ModelLoader(notice);
     new Gestures(canvas("view"), this.hand);
     this.sensor.onReading = () => this.moved();
     this.sensor.onFirstReading = () => this.placeAgain();
@@ -157,12 +161,13 @@ export class App {
 
   /** Where the light of now comes from, for its file. */
   about(): About {
-    const { picture, estimator } = this;
-    if (!picture || !estimator) throw new Failure("cannot-save", "nothing is estimated");
+    const { picture } = this;
+    const model = this.watch?.estimator.model;
+    if (!picture || !model) throw new Failure("cannot-save", "nothing is estimated");
     const { file, width, height } = picture;
     const notes = picture.kind === "live" ? ["smoothed over the camera's last frames"] : [];
     const photo = { file, width, height };
-    return { model: estimator.model, photo, verticalFovRad: this.fovOf(picture), notes };
+    return { model, photo, verticalFovRad: this.fovOf(picture), notes };
   }
 
   showLightPanel(is: boolean): void {
@@ -179,11 +184,21 @@ export class App {
     box("start").hidden = true;
     box("viewer").hidden = false;
     if (!history.state?.viewing) history.pushState({ viewing: true }, "");
-    this.stage.show(picture);
-    if (keepsPlace) this.stage.setPose(this.pose());
-    else this.placeAgain();
     this.estimate();
-    canvas("view").focus({ preventScroll: true });
+    // Its frame goes off before the graphics, which can block the page, have a look at the picture.
+    setTimeout(() => this.put(picture, keepsPlace));
+  }
+
+  private put(picture: Picture, keepsPlace: boolean): void {
+    if (this.picture !== picture) return;
+    try {
+      this.stage.show(picture);
+      if (keepsPlace) this.stage.setPose(this.pose());
+      else this.placeAgain();
+      canvas("view").focus({ preventScroll: true });
+    } catch (error) {
+      this.notice.show(error);
+    }
   }
 
   private placeAgain(): void {
@@ -198,16 +213,19 @@ export class App {
     this.meter.clear();
     this.showMeter();
     this.onChange();
-    void this.model.whenReady((estimator) => {
+    this.model.use((estimator) => {
       if (!picture || this.picture !== picture) return;
-      this.estimator = estimator;
-      this.watch ??= new Watch(estimator, {
-        pose: () => this.pose(),
-        verticalFovRad: (of) => this.fovOf(of),
-        seen: ({ lighting, worldFromCamera: pose, tookMs }) => this.seen(lighting, pose, tookMs),
-        failed: (error) => this.notice.show(error, () => this.estimate()),
-      });
+      if (this.watch?.estimator !== estimator) this.watch = this.watchWith(estimator);
       this.watch.start(picture);
+    });
+  }
+
+  private watchWith(estimator: Estimator): Watch {
+    return new Watch(estimator, {
+      pose: () => this.pose(),
+      verticalFovRad: (of) => this.fovOf(of),
+      seen: ({ lighting, worldFromCamera: pose, tookMs }) => this.seen(lighting, pose, tookMs),
+      failed: (error) => this.notice.show(error, () => this.estimate()),
     });
   }
 
@@ -222,6 +240,7 @@ export class App {
     this.showMeter();
     if (isFirst || !isLive) announce(`Light estimated. ${inWords(this.light.mainLight())}`);
     if (isFirst) this.onChange();
+    this.wasLit();
   }
 
   /** As the file tells or the slider was set; undefined leaves the usual to be assumed. */

@@ -5,8 +5,14 @@ import { box, button, input } from "./elements.ts";
 import { EXAMPLES } from "./examples.ts";
 import { Failure } from "./failure.ts";
 import { connectIntake } from "./intake.ts";
+import { ModelLoader } from "./model-loader.ts";
 import { Notice, offerUpdate } from "./notice.ts";
 import { keepOffline } from "./offline.ts";
+
+const PATIENCE_MS = 2000;
+/** How long after the first light the page is kept for offline use, and after how long without any. */
+const AFTER_MS = 1000;
+const UNUSED_MS = 4000;
 
 const notice = new Notice({
   camera: () => button("open-camera").click(),
@@ -17,7 +23,8 @@ const notice = new Notice({
 
 function start(): void {
   history.replaceState(null, "");
-  const app = new App(notice);
+  const model = new ModelLoader(notice); // first: it takes the longest
+  const app = new App(notice, model);
   const desk = new Desk(app, notice);
   button("open-camera").addEventListener("click", () => {
     void followMotionUnasked(app);
@@ -30,9 +37,11 @@ function start(): void {
   });
   showExamples(app);
   void desk.choose();
+  // Starting the graphics blocks the page, so it happens when there is time, or when a picture is to be shown.
+  void Promise.race([model.settled(), rest(PATIENCE_MS)]).then(() => app.stage.start());
   // Fetching everything once more must not hold up the first light.
-  void app.model
-    .settled()
+  void Promise.race([app.firstLight, model.settled().then(() => rest(UNUSED_MS))])
+    .then(() => rest(AFTER_MS))
     .then(() => keepOffline(offerUpdate))
     .catch((error: unknown) => {
       console.warn("not kept offline:", error);
@@ -55,6 +64,10 @@ async function fetched(url: URL): Promise<File> {
   const response = await fetch(url);
   if (!response.ok) throw new Failure("photo-unreadable", `${url}: ${response.status}`);
   return new File([await response.blob()], url.pathname.split("/").at(-1)!);
+}
+
+function rest(ms: number): Promise<void> {
+  return new Promise((resolve) => setTimeout(resolve, ms));
 }
 
 addEventListener("unhandledrejection", (event) => notice.show(event.reason));

@@ -4,30 +4,30 @@ import { box, element } from "./elements.ts";
 import type { Notice } from "./notice.ts";
 
 export class ModelLoader {
-  private loading: Promise<Estimator>;
+  private estimator: Estimator;
 
   constructor(private readonly notice: Notice) {
-    this.loading = this.load();
+    this.estimator = this.load();
   }
 
-  /** Calls `use` with the estimator, now or when it has come; failures are shown. */
-  async whenReady(use: (estimator: Estimator) => void): Promise<void> {
-    try {
-      use(await this.loading);
-    } catch (error) {
+  /** Calls `use` with the estimator, which may still be loading; where that fails, once more after another try. */
+  use(use: (estimator: Estimator) => void): void {
+    const { estimator } = this;
+    estimator.loaded.catch((error: unknown) => {
       this.notice.show(error, () => {
-        this.loading = this.load();
-        void this.whenReady(use);
+        if (this.estimator === estimator) this.estimator = this.load();
+        this.use(use);
       });
-    }
+    });
+    use(estimator);
   }
 
   /** When the first attempt has ended, well or not. */
   async settled(): Promise<void> {
-    await this.loading.catch(() => {});
+    await this.estimator.loaded.catch(() => {});
   }
 
-  private load(): Promise<Estimator> {
+  private load(): Estimator {
     const bar = element("loading-bar", HTMLProgressElement);
     bar.removeAttribute("value");
     box("loading").hidden = false;
@@ -35,17 +35,13 @@ export class ModelLoader {
       model: new URL("model/deeplight.onnx", document.baseURI),
       runtime: new URL("runtime/", document.baseURI),
     };
-    const loading = Estimator.load(where, (done, all) => {
+    const estimator = Estimator.start(where, (done, all) => {
       if (all > 0) bar.value = done / all; // some servers do not tell
     });
-    void loading.then(
-      () => {
-        box("loading").hidden = true;
-      },
-      () => {
-        box("loading").hidden = true; // whoever needs the estimator is told
-      },
-    );
-    return loading;
+    const hide = (): void => {
+      box("loading").hidden = true;
+    };
+    estimator.loaded.then(hide, hide); // whoever needs the estimator is told of a failure
+    return estimator;
   }
 }

@@ -26,7 +26,7 @@ export class Watch {
   private again = false;
 
   constructor(
-    private readonly estimator: Estimator,
+    readonly estimator: Estimator,
     private readonly watcher: Watcher,
   ) {}
 
@@ -66,6 +66,9 @@ export class Watch {
   }
 
   private async one(picture: Picture): Promise<void> {
+    // While a model loads, a film goes on: its first frame would be old.
+    if (picture.kind === "live") await this.estimator.loaded.catch(() => {});
+    if (this.picture !== picture) return;
     const worldFromCamera = this.watcher.pose();
     const frame = await picture.grab();
     const estimate = await this.estimator.estimate(frame, this.watcher.verticalFovRad(picture));

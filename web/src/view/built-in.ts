@@ -1,7 +1,8 @@
 /** The built-in objects: diffuse and silver by precomputed transfer, mirror and gloss by the light's ball. */
 import { Group, Mesh } from "three";
-import type { Lighting } from "../light/lighting.ts";
-import { type Matrix3x3, product } from "../light/matrix.ts";
+import { LIGHTING_SIZE } from "../contract/generated.ts";
+import { Lighting } from "../light/lighting.ts";
+import { IDENTITY, type Matrix3x3, product } from "../light/matrix.ts";
 import { Failure } from "../page/failure.ts";
 import {
   type GroundShadow,
@@ -44,7 +45,10 @@ export class BuiltIn implements Exhibit {
   static async load({ file }: BuiltInFacts): Promise<BuiltIn> {
     const response = await fetched(file);
     try {
-      return new BuiltIn(parseTransfer(await response.arrayBuffer()));
+      const made = new BuiltIn(parseTransfer(await response.arrayBuffer()));
+      // The first light makes tables for all others: better while nobody waits for it.
+      made.setLight(new Lighting(new Float32Array(3 * LIGHTING_SIZE ** 2)), IDENTITY, IDENTITY);
+      return made;
     } catch (error) {
       throw error instanceof TransferError ? new Failure("object-missing", error.message) : error;
     }

@@ -29,7 +29,7 @@ export class Stage {
   readonly anchor = new Group();
   /** Called when the graphics are gone and do not come back by themselves. */
   onLost: () => void = () => {};
-  private readonly renderer: WebGLRenderer;
+  private made: WebGLRenderer | null = null;
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera(60, 1, 0.01, 100);
   private readonly backdrop = new Backdrop();
@@ -39,20 +39,24 @@ export class Stage {
   private light: LightInWorld | null = null;
   private scheduled = false;
 
-  /** @throws Failure `no-webgl`. */
   constructor(readonly canvas: HTMLCanvasElement) {
-    try {
-      this.renderer = new WebGLRenderer({ canvas, antialias: true });
-    } catch (error) {
-      throw new Failure("no-webgl", String(error));
-    }
-    useCameraResponse(this.renderer);
     this.camera.rotation.order = "YXZ";
     this.scene.add(this.backdrop.mesh, this.anchor);
     canvas.addEventListener("webglcontextlost", () => {
       setTimeout(() => this.renderer.getContext().isContextLost() && this.onLost(), PATIENCE_MS);
     });
     canvas.addEventListener("webglcontextrestored", () => this.invalidate());
+  }
+
+  /** Starts the graphics, which blocks the page for a while; else `show` does it. @throws Failure `no-webgl`. */
+  start(): void {
+    if (this.made) return;
+    try {
+      this.made = new WebGLRenderer({ canvas: this.canvas, antialias: true });
+    } catch (error) {
+      throw new Failure("no-webgl", String(error));
+    }
+    useCameraResponse(this.made);
   }
 
   show(picture: Picture): void {
@@ -155,6 +159,11 @@ export class Stage {
     copy.getContext("2d")?.drawImage(this.canvas, 0, 0);
     this.layOut();
     return copy;
+  }
+
+  private get renderer(): WebGLRenderer {
+    this.start();
+    return this.made!;
   }
 
   private draw(): void {

@@ -15,14 +15,16 @@ const harness = {
       runtime: new URL(runtime, location.href),
     };
     try {
-      estimators.push(await Estimator.load(where, (...told) => progress.push(told)));
+      const estimator = Estimator.start(where, (...told) => progress.push(told));
+      await estimator.loaded;
+      estimators.push(estimator);
       return { got: "ok", progress };
     } catch (error) {
       return { got: error instanceof EstimateError ? error.kind : String(error), progress };
     }
   },
 
-  facts: () => newest().model,
+  facts: () => newest().model!,
 
   async logRadiance(base64: string, width: number, height: number): Promise<number[]> {
     const estimate = await newest().estimate(await bitmap(base64, width, height));
