@@ -14,7 +14,7 @@ EXTRAS := capture,cluster,dev,heic,litert,render,train
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint ci bench results round-trip web web-test web-e2e web-ci clean
+.PHONY: help run test lint ci bench results ablation round-trip web web-test web-e2e web-ci clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
@@ -23,6 +23,7 @@ help:
 	@echo "make ci     what CI runs: lint, the live page's tests (if there is node), test"
 	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
 	@echo "make results evaluate the model on DATA and rewrite the numbers in the documents"
+	@echo "make ablation  train and measure table 1 and the learning curve on DATA (IMAGENET=weights)"
 	@echo "make round-trip  our light in Mitsuba, Blender, three.js, Babylon.js (node, chromium)"
 	@echo "make web    build the live page that \`deeplight demo\` serves (node 20 or newer)"
 	@echo "make web-test, web-e2e   its unit tests; the built page in a real browser"
@@ -64,6 +65,13 @@ SPLITS ?= val test seen
 results: $(VENV)/.installed-test
 	$(BIN)/deeplight evaluate --data $(DATA) --split $(SPLITS) --out out/evaluation
 	$(BIN)/python benchmarks/update_results.py out/evaluation
+
+# Table 1 and the learning curve: ten trainings, an hour or two on two cores. It may be killed.
+ablation: $(VENV)/.installed-test
+	@test -f "$(IMAGENET)" || { echo "make ablation IMAGENET=folded MobileNetV2 weights (.npz)"; exit 2; }
+	$(BIN)/python benchmarks/equal_budget.py $(DATA) --imagenet $(IMAGENET)
+	$(BIN)/deeplight evaluate --data $(DATA) --split val --model runs/equal --out out/equal
+	$(BIN)/python benchmarks/equal_budget_tables.py out/equal
 
 # Blender's module brings its own numpy, so it gets an environment of its own, and so do the codecs.
 round-trip: $(VENV)/.installed-test .round-trip/.installed

@@ -144,12 +144,9 @@ def main(args: Args) -> None:
     means = {name: error[bench.places == name].mean() for name in names}
     within = error - np.array([means[place] for place in bench.places])
     root, share = np.sqrt((error**2).mean()), (within**2).mean() / (error**2).mean()
-    print(
-        f"\nln of the diffuse sphere's brightness is off by {root:.2f} (root mean square), where it"
-    )
-    print(
-        f"where it varies by {filmed.std():.2f}; {share:.0%} of the square is between views of a place."
-    )
+    spread = filmed.std()
+    print(f"\nln of the diffuse sphere's brightness: {spread:.2f} standard deviation, {root:.2f} root")
+    print(f"mean square error; {share:.0%} of the square is between views of one place")
 
 
 if __name__ == "__main__":
