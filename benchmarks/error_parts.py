@@ -145,8 +145,8 @@ def main(args: Args) -> None:
     within = error - np.array([means[place] for place in bench.places])
     root, share = np.sqrt((error**2).mean()), (within**2).mean() / (error**2).mean()
     spread = filmed.std()
-    print(f"\nln of the diffuse sphere's brightness: {spread:.2f} standard deviation, {root:.2f} root")
-    print(f"mean square error; {share:.0%} of the square is between views of one place")
+    print(f"\nln of the diffuse sphere's brightness: {spread:.2f} standard deviation,")
+    print(f"{root:.2f} root mean square error; {share:.0%} of the square between views of one place")
 
 
 if __name__ == "__main__":
