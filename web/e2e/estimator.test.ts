@@ -97,9 +97,18 @@ test("tells its speed", async () => {
     [720, 1280],
     [1080, 1920],
   ] as const) {
-    const times = await call("time", width, height, 30);
-    const [prepare, run] = [0, 1].map((k) => middle(times.map((pair) => pair[k]!)));
-    console.log(`${width} x ${height}: preprocess ${prepare} ms, network ${run} ms (median of 30)`);
+    await call("time", width, height, 30); // until the code is compiled
+    const times = await call("time", width, height, 60);
+    const [prepare, run] = [0, 1].map((k) => middle(times.map((pair) => pair[k]!))) as [
+      number,
+      number,
+    ];
+    const best = Math.min(...times.map(([before, after]) => before + after));
+    const [rate, most] = [prepare + run, best].map((ms) => (1000 / ms).toFixed(0));
+    console.log(
+      `${width} x ${height}, median of 60: averages ${prepare.toFixed(1)} ms, ` +
+        `network ${run.toFixed(1)} ms: ${rate} a second, the fastest ${most}`,
+    );
     expect(prepare).toBeGreaterThan(0);
     expect(run).toBeGreaterThan(0);
   }

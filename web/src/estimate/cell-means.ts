@@ -118,11 +118,12 @@ export class CellMeans {
     this.#flush();
     const count = this.#cells.length / 3;
     const scale = (high - low) / (255 * this.#rows.length * this.#columns.length);
+    const cells = this.#cells;
     const result = new Float32Array(3 * count);
     for (let c = 0; c < 3; c++) {
       const to = (isReversed ? 2 - c : c) * count;
-      for (let cell = 0; cell < count; cell++) {
-        result[to + cell] = low + scale * this.#cells[3 * cell + c]!;
+      for (let cell = 0, at = c; cell < count; cell++, at += 3) {
+        result[to + cell] = low + scale * cells[at]!;
       }
     }
     return result;
@@ -147,8 +148,10 @@ export class CellMeans {
       let mid = a * green[from]! + b * green[end]!;
       let blue = a * (redBlue[from]! >>> 16) + b * (redBlue[end]! >>> 16);
       for (let i = from + 1; i < end; ) {
-        let [both, one] = [0, 0];
-        for (const stop = Math.min(i + most, end); i < stop; i++) {
+        const stop = Math.min(i + most, end);
+        let both = 0;
+        let one = 0;
+        for (; i < stop; i++) {
           both = (both + redBlue[i]!) | 0;
           one = (one + green[i]!) | 0;
         }
