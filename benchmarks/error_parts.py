@@ -146,7 +146,7 @@ def main(args: Args) -> None:
     root, share = np.sqrt((error**2).mean()), (within**2).mean() / (error**2).mean()
     spread = filmed.std()
     print(f"\nln of the diffuse sphere's brightness: {spread:.2f} standard deviation,")
-    print(f"{root:.2f} root mean square error; {share:.0%} of the square between views of one place")
+    print(f"{root:.2f} root mean square error; {share:.0%} of it (squared) within places")
 
 
 if __name__ == "__main__":
