@@ -35,5 +35,9 @@ export default defineConfig({
     },
   },
   server: { fs: { allow: [here("."), here("../examples/photos")] } },
-  test: { include: ["src/**/*.test.ts", "tests/**/*.test.ts"], testTimeout: 20_000 },
+  test: {
+    include: ["src/**/*.test.ts", "tests/**/*.test.ts"],
+    testTimeout: 20_000,
+    hookTimeout: 60_000,
+  },
 });
