@@ -94,4 +94,6 @@ def test_a_document_without_markers_is_told_and_none_is_written(
 def test_the_documents_have_their_markers(root: Path) -> None:
     for name in DOCUMENTS:
         text = (root / name).read_text()
-        assert text.count("<!-- results: ") == text.count("<!-- results end -->") == 1
+        ours = "tables" if name == "docs/results.md" else "summary"
+        assert text.count(f"<!-- results: {ours} -->") == 1
+        assert text.count("<!-- results: ") == text.count("<!-- results end -->")
