@@ -7,15 +7,15 @@ from deeplight.dataset import Example, ExampleMeta, ShardPlan, plan_split
 from deeplight.errors import DataSetError
 from deeplight.sphere import PAPER_RIG
 from deeplight.training.batches import DataConfig
-from deeplight.training.sources import Sources, refuse_shared_places
+from deeplight.training.sources import Sources
 
 VALIDATION = ("val_indoor",)
 CONFIG = DataConfig(validation_splits=VALIDATION)
 
 
-def write(folder, places, train=6, validation=0, rig=PAPER_RIG):
+def write(folder, places, train=6, validation=0, rig=PAPER_RIG, split=VALIDATION[0]):
     """A data set whose example n lies in place n modulo their number and is a photo of n + 1."""
-    jobs = [*plan_split("train", train), *plan_split(VALIDATION[0], validation)]
+    jobs = [*plan_split("train", train), *plan_split(split, validation)]
     plan = ShardPlan.begin(folder, jobs, {"paper": rig.to_dict()}, {})
     for job in plan.missing():
         plan.write(
@@ -76,13 +76,14 @@ def test_only_the_first_data_set_validates(first, second):
     }
 
 
-def test_a_place_that_is_validated_in_is_not_learnt_from(first, second, tmp_path):
+@pytest.mark.parametrize("split", [VALIDATION[0], "unseen_indoor"])
+def test_a_place_that_is_held_out_is_not_learnt_from(tmp_path, second, split):
+    first = write(tmp_path / "first", ("a", "b"), validation=2, split=split)
     sources = Sources(first, [second])
-    held_out = sources.validation(CONFIG).values()
-    refuse_shared_places(sources.training(CONFIG, seed=0), held_out)
+    sources.refuse_held_out(sources.training(CONFIG, seed=0))
     leak = Sources(first, [write(tmp_path / "leak", ("e", "held out 1"), train=2)])
-    with pytest.raises(DataSetError, match="held out 1"):
-        refuse_shared_places(leak.training(CONFIG, seed=0), held_out)
+    with pytest.raises(DataSetError, match="got held out 1"):
+        leak.refuse_held_out(leak.training(CONFIG, seed=0))
 
 
 def test_the_fingerprint_tells_what_is_learnt_from(first, second):

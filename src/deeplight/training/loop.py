@@ -38,7 +38,7 @@ from deeplight.training.imagenet import load_imagenet
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
 from deeplight.training.record import RunRecord, Window
-from deeplight.training.sources import Sources, refuse_shared_places
+from deeplight.training.sources import Sources
 from deeplight.training.teacher import Teacher
 from deeplight.training.validation import SphereErrors, Validation, score, some_of
 
@@ -78,8 +78,8 @@ def train(
 
     A new run's encoder starts from `imagenet`, or its whole network from `weights`, the
     best.safetensors of an earlier run. The training split of every data set of `more` is learnt
-    from, too. Gives the errors of the last validation. On several
-    devices every process runs this; only the first writes, watches and gives errors.
+    from, too. Gives the errors of the last validation. On several devices every process runs this;
+    only the first writes, watches and gives errors.
 
     Raises:
         DataSetError: the data set is missing, broken or without the splits the settings name.
@@ -151,7 +151,7 @@ class Run:
         measured = Path(self.config.loss.bases) if self.config.loss.bases else None
         self.bases = RigBases.from_rigs(list(data.rigs.values()), network.output_size, measured)
         chosen, held_out = data.training(config, self.config.run.seed), data.validation(config)
-        refuse_shared_places(chosen, held_out.values())
+        data.refuse_held_out(chosen)
         names = list(data.rigs)
         self.examples = ExampleBytes(chosen, names, network.orientation)
         self.held_out = {

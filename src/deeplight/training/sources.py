@@ -1,13 +1,13 @@
 """The data sets of a run: one that is validated on, and any number more to learn from."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
-from deeplight.dataset import Chosen, SplitIndex, open_dataset
+from deeplight.dataset import GROUPS, Chosen, SplitIndex, open_dataset
 from deeplight.errors import DataSetError
 from deeplight.sphere import Rig
 from deeplight.training.batches import DataConfig
@@ -50,11 +50,15 @@ class Sources:
         """The splits to validate on."""
         return {split: self.sets[0].index(split) for split in config.validation_splits}
 
-
-def refuse_shared_places(training: Chosen, validation: Iterable[SplitIndex]) -> None:
-    """Nothing is learnt from a place that is validated in."""
-    held_out = {str(place) for index in validation for place in index.places}
-    shared = sorted(held_out.intersection(np.unique(training.places).tolist()))
-    if shared:
-        expected = "training places apart from those of validation"
-        raise DataSetError(expected, ", ".join(shared), "leave the data set that has them out")
+    def refuse_held_out(self, training: Chosen) -> None:
+        """Nothing is learnt from a place that any of the data sets keeps for validation or test."""
+        held_out = {
+            place
+            for part in self.sets
+            for split in (*GROUPS["val"], *GROUPS["test"])
+            for place in part.manifest.places(split)
+        }
+        shared = sorted(held_out.intersection(np.unique(training.places).tolist()))
+        if shared:
+            expected = "training places apart from those of validation and test"
+            raise DataSetError(expected, ", ".join(shared), "leave the data set that has them out")
