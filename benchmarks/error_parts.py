@@ -21,7 +21,7 @@ from torch import Tensor
 from deeplight.camera_response import GAMMA
 from deeplight.dataset import open_dataset
 from deeplight.sphere import SPHERES
-from deeplight.training.augment import Inputs, prepare
+from deeplight.training.augment import prepare
 from deeplight.training.batches import ExampleBytes
 from deeplight.training.losses import RigBases, masked_l1, soft_clip
 from deeplight.training.model_file import load_network
@@ -59,7 +59,9 @@ class Bench:
         self.places = np.concatenate([index.places for index in indices])
         self.spheres = torch.cat([part.spheres for part in parts])
         self.rig = torch.cat([part.rig for part in parts])
-        self.light = torch.cat([network(chunk) for part in parts for chunk in photos(part)])
+        self.light = torch.cat(
+            [network(chunk) for part in parts for chunk in part.photo.split(CHUNK)]
+        )
 
     def chunks(self, light: Tensor) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
         """Rendered spheres, filmed ones and masks."""
@@ -80,11 +82,6 @@ class Bench:
         ]
         rendered, filmed = (torch.cat(part) for part in zip(*both, strict=True))
         return rendered, filmed
-
-
-def photos(part: Inputs) -> Iterator[Tensor]:
-    """Some at a time."""
-    yield from part.photo.split(CHUNK)
 
 
 def mean_colour(linear: Tensor, mask: Tensor) -> Tensor:
@@ -112,12 +109,13 @@ def dimmed(light: Tensor, factor: float, share: float = 0.05) -> Tensor:
     return torch.where(bright, radiance * gain[:, None, None, None], radiance * factor).log()
 
 
-def variants(bench: Bench) -> Mapping[str, Tensor]:
-    """L1 of each example and sphere by what was done to the light."""
+def variants(bench: Bench, gap: Tensor) -> Mapping[str, Tensor]:
+    """L1 of each example and sphere by what was done to the light.
+
+    `gap` is how much ln of the diffuse sphere's filmed colour is above that of the rendered one.
+    """
     light = bench.light
     scaled = torch.stack([bench.errors(light + float(scale)) for scale in SCALES])
-    rendered, filmed = bench.colours()
-    gap = filmed - rendered
     hue = (gap - gap.mean(1, keepdim=True))[:, :, None, None]
     return {
         "as it is": bench.errors(light),
@@ -134,17 +132,17 @@ def main(args: Args) -> None:
     """Print a table and the parts of the error of brightness."""
     torch.set_num_threads(1)
     bench = Bench(args)
+    rendered, filmed = bench.colours()
     print("| light | diffuse | silver | mirror |\n|---|---|---|---|")
-    for words, errors in variants(bench).items():
+    for words, errors in variants(bench, filmed - rendered).items():
         mirror, silver, diffuse = errors.mean(0).tolist()
         print(f"| {words} | {diffuse:.3f} | {silver:.3f} | {mirror:.3f} |")
-    rendered, filmed = (part.mean(1).numpy() for part in bench.colours())
-    error = rendered - filmed
+    error = (rendered - filmed).mean(1).numpy()
     names = np.unique(bench.places)
     means = {name: error[bench.places == name].mean() for name in names}
     within = error - np.array([means[place] for place in bench.places])
     root, share = np.sqrt((error**2).mean()), (within**2).mean() / (error**2).mean()
-    spread = filmed.std()
+    spread = filmed.mean(1).numpy().std()
     print(f"\nln of the diffuse sphere's brightness: {spread:.2f} standard deviation,")
     print(f"{root:.2f} root mean square error; {share:.0%} of it (squared) within places")
 

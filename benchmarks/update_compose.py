@@ -25,7 +25,7 @@ from compose_evidence_tables import (
     read_rows,
 )
 from PIL import Image
-from update_results import RefusedError, replaced
+from update_results import RefusedError, replaced, table
 
 from deeplight.evaluate.bootstrap import Interval, PlaceBootstrap
 from deeplight.io.atomic import replacing
@@ -35,8 +35,11 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path("runs/compose_test")
 WEIGHTS = Path("src/deeplight/weights/deeplight.onnx")
 DOCUMENT = Path("docs/compose.md")
-PICTURES = {"figure.png": "compose_evidence.jpg", "cases.png": "compose_evidence_cases.jpg"}
-PICTURE_WIDTH = 1800
+QUALITY = 85  # of the pictures
+PICTURES = {  # file, width: a row of every case is for looking over, and costs a megabyte in full
+    "figure.png": ("compose_evidence.jpg", 1800),
+    "cases.png": ("compose_evidence_cases.jpg", 1080),
+}
 COLUMNS = (  # heading, error, material
     ("object, diffuse", "object", "diffuse"),
     ("object, silver", "object", "silver"),
@@ -121,7 +124,7 @@ def _counts(found: Evidence) -> str:
 
 def _errors(found: Evidence) -> str:
     head = ["light", COLUMNS[0][0], BY_KIND[0], COLUMNS[1][0], BY_KIND[1]]
-    table = [[*head, COLUMNS[2][0], COLUMNS[3][0]]]
+    rows = []
     for name in (*found.names, AGAIN):
         cells = []
         for _, error, material in COLUMNS:
@@ -129,16 +132,16 @@ def _errors(found: Evidence) -> str:
             if error == "object":
                 means = [found.mean(name, error, material, kind) for kind in KINDS]
                 cells.append(" / ".join(f"{mean:.3f}" for mean in means))
-        table.append([f"({name})" if name == AGAIN else _words(name), *cells])
-    return _table(table)
+        rows.append([f"({name})" if name == AGAIN else _words(name), *cells])
+    return table([*head, COLUMNS[2][0], COLUMNS[3][0]], rows)
 
 
 def _differences(found: Evidence) -> str:
-    table = [["less", *(heading for heading, *_ in COLUMNS)]]
+    rows = []
     for name in found.baselines:
         cells = [_interval(found.less(name, error, m), "{:+.3f}") for _, error, m in COLUMNS]
-        table.append([_words(name), *cells])
-    return _table(table)
+        rows.append([_words(name), *cells])
+    return table(["less", *(heading for heading, *_ in COLUMNS)], rows)
 
 
 def _sentences(found: Evidence) -> str:
@@ -198,8 +201,9 @@ def _darkness(found: Evidence) -> str:
 
 def _sides(found: Evidence) -> str:
     near = f"dominant light within {NEAR_TRUTH_DEG} degrees"
-    table = [[near, "in the sun: pictures", "with a side", "median off", "farthest off"]]
-    table[0] += ["wrong side", "everywhere: with a side", "wrong side"]
+    head = [near, "in the sun: pictures", "with a side", "median off", "farthest off"]
+    head += ["wrong side", "everywhere: with a side", "wrong side"]
+    lines = []
     for name in found.names:
         cells = [_words(name)]
         for kinds in (("sun",), KINDS):
@@ -211,8 +215,8 @@ def _sides(found: Evidence) -> str:
                 continue
             middle, most = (f"{f(off):.0f}" if len(off) else "-" for f in (np.median, np.max))
             cells += [str(len(rows)), str(len(off)), middle, most, wrong]
-        table.append(cells)
-    return _table(table)
+        lines.append(cells)
+    return table(head, lines)
 
 
 def _side_sentences(found: Evidence) -> str:
@@ -244,14 +248,14 @@ def _near(found: Evidence, method: str, kinds: Iterable[str]) -> list[Row]:
 
 def _pictures(folder: Path, root: Path) -> list[Path]:
     made = []
-    for name, target in PICTURES.items():
+    for name, (target, width) in PICTURES.items():
         picture = Image.open(folder / name).convert("RGB")
-        if picture.width > PICTURE_WIDTH:
-            size = (PICTURE_WIDTH, round(picture.height * PICTURE_WIDTH / picture.width))
+        if picture.width > width:
+            size = (width, round(picture.height * width / picture.width))
             picture = picture.resize(size, Image.Resampling.LANCZOS)
         path = root / "docs" / "pictures" / target
         with replacing(path) as temporary:
-            temporary.write_bytes(encode_jpeg(np.asarray(picture)))
+            temporary.write_bytes(encode_jpeg(np.asarray(picture), QUALITY))
         made.append(path)
     return made
 
@@ -270,11 +274,6 @@ def _item(text: str) -> str:
 
 def _interval(value: Interval, form: str = "{:.3f}") -> str:
     return f"{form} ({form} to {form})".format(value.value, value.low, value.high)
-
-
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join([lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]) + "\n"
 
 
 if __name__ == "__main__":

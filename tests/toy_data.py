@@ -1,26 +1,31 @@
 """A made-up data set that is small enough to train on in a test."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from deeplight.dataset import Example, ExampleMeta, ShardJob, ShardPlan, plan_split
-from deeplight.sphere import PAPER_RIG
+from deeplight.sphere import PAPER_RIG, Rig
 
 
-def write_toy_data(folder: Path, counts: Mapping[str, int]) -> Path:
-    """Fill `folder` with so many examples of each split, in three places each."""
+def write_toy_data(
+    folder: Path,
+    counts: Mapping[str, int],
+    examples: Callable[[ShardJob], Iterable[Example]] | None = None,
+    rig: Rig = PAPER_RIG,
+) -> Path:
+    """Fill `folder` with so many `examples` of each split; left out, `toy_examples`."""
     jobs = [job for split, count in counts.items() for job in plan_split(split, count)]
-    plan = ShardPlan.begin(folder, jobs, {"paper": PAPER_RIG.to_dict()}, {})
+    plan = ShardPlan.begin(folder, jobs, {"paper": rig.to_dict()}, {})
     for job in plan.missing():
-        plan.write(job, toy_examples(job))
+        plan.write(job, (examples or toy_examples)(job))
     plan.finish()
     return folder
 
 
 def toy_examples(job: ShardJob) -> Iterator[Example]:
-    """Each has its colour, on the photo and on the spheres, with noise."""
+    """In three places each; each has its colour, on the photo and on the spheres, with noise."""
     for number in range(job.first, job.first + job.count):
         random = np.random.default_rng([len(job.split), number])
         colour = random.uniform(40, 220, 3)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from deeplight.dataset import Example, ExampleMeta, ShardPlan, plan_split
+from deeplight.dataset import Example, ExampleMeta
 from deeplight.errors import DataSetError
 from deeplight.sphere import PAPER_RIG
 from deeplight.training.batches import DataConfig
 from deeplight.training.sources import Sources
+from toy_data import write_toy_data
 
 VALIDATION = ("val_indoor",)
 CONFIG = DataConfig(validation_splits=VALIDATION)
@@ -15,14 +16,12 @@ CONFIG = DataConfig(validation_splits=VALIDATION)
 
 def write(folder, places, train=6, validation=0, rig=PAPER_RIG, split=VALIDATION[0]):
     """A data set whose example n lies in place n modulo their number and is a photo of n + 1."""
-    jobs = [*plan_split("train", train), *plan_split(split, validation)]
-    plan = ShardPlan.begin(folder, jobs, {"paper": rig.to_dict()}, {})
-    for job in plan.missing():
-        plan.write(
-            job, (example(job.split, places, n) for n in range(job.first, job.first + job.count))
-        )
-    plan.finish()
-    return folder
+
+    def examples(job):
+        return (example(job.split, places, n) for n in range(job.first, job.first + job.count))
+
+    counts = {"train": train, **({split: validation} if validation else {})}
+    return write_toy_data(folder, counts, examples, rig)
 
 
 def example(split, places, n):
