@@ -221,8 +221,8 @@ def test_several_models_splits_and_other_methods_stand_in_one_report(
             str(data.folder),
             split=("val_outdoor", "val"),
             examples=4,
-            model=("first=a.onnx", "second=b.onnx"),
-            panoramas=(f"other={tmp_path / 'other'},30",),
+            model=(("first=a.onnx",), ("second=b.onnx",)),
+            panoramas=((f"other={tmp_path / 'other'},30",),),
             out=tmp_path / "out",
             three_spheres=True,
         )

@@ -15,7 +15,7 @@ from torch import nn  # noqa: E402
 
 from deeplight.contract import CONTRACT_KEY, ModelContract  # noqa: E402
 from deeplight.errors import ModelError  # noqa: E402
-from deeplight.export.onnx import store_as_float16, traced, write_model  # noqa: E402
+from deeplight.export.onnx import ready_to_trace, store_as_float16, traced, write_model  # noqa: E402
 from deeplight.training.generator import Generator, NetworkConfig  # noqa: E402
 
 CONTRACT = ModelContract(trained_on="nothing yet")
@@ -106,3 +106,17 @@ def test_the_shipped_model_tells_nothing_of_it_either(root):
     content = (root / "src" / "deeplight" / "weights" / "deeplight.onnx").read_bytes()
     assert b".py" not in content
     assert b"stack_trace" not in content
+
+
+def test_a_network_is_left_as_it_was_when_tracing_fails():
+    """Training that exports now and then must go on with what it had."""
+    generator = Generator(NetworkConfig(width=0.35)).train()
+    layers = [module for module in generator.modules() if isinstance(module, nn.ReLU6)]
+    before = [layer.inplace for layer in layers]
+    assert True in before
+    with pytest.raises(ZeroDivisionError), ready_to_trace(generator):
+        assert not generator.training
+        assert not any(layer.inplace for layer in layers)
+        raise ZeroDivisionError
+    assert generator.training
+    assert [layer.inplace for layer in layers] == before

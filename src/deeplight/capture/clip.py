@@ -4,7 +4,6 @@ Two passes over the file, so that memory does not grow with its length: the firs
 frame and finds the spheres, the second converts only the frames that are kept.
 """
 
-import math
 import re
 from collections.abc import Generator, Iterator
 from contextlib import closing
@@ -132,7 +131,7 @@ def _look_through(account: Account, settings: CaptureSettings) -> PinholeCamera:
         account.video = video = facts(path)
     except OSError as error:
         raise _unreadable(path, error) from error
-    fov_rad = settings.vertical_fov_rad or assumed_vertical_fov_rad(video.width, video.height)
+    fov_rad = settings.vertical_fov_rad or frame_photo(video.height, video.width).vertical_fov_rad
     account.camera = camera = PinholeCamera(video.width, video.height, fov_rad)
     if video.width > video.height and not settings.vertical_fov_rad:
         account.warnings.append(
@@ -172,13 +171,6 @@ def _examples(account: Account, camera: PinholeCamera, rig: Rig) -> Iterator[Exa
                 _meta(account, still, rig),
                 lighting.get(still.number),
             )
-
-
-def assumed_vertical_fov_rad(width: int, height: int) -> float:
-    """What `preprocess` assumes, too: a phone's 66 degrees lie along the long side of the frame."""
-    if width <= height:
-        return ASSUMED_LONG_SIDE_FOV_RAD
-    return 2 * math.atan(height / width * math.tan(ASSUMED_LONG_SIDE_FOV_RAD / 2))
 
 
 def background_framing(camera: PinholeCamera) -> Framing:

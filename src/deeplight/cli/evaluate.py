@@ -7,10 +7,15 @@ Prints the tables; with --out also report.html (look at it), results.json, resul
 
 from contextlib import nullcontext
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import rich
+import tyro
 from rich.progress import Progress
+
+Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
+"""--model A B and --model A --model B are the same."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +26,9 @@ class Args:
     """Folder or address (s3://, ...) of the data set; with --benchmark the folder to make it in."""
     split: tuple[str, ...] = ("val",)
     """val, test, seen, or splits of the data set; several make one report."""
-    model: tuple[str, ...] = ()
+    model: Repeated = ()
     """FILE.onnx, NAME=FILE.onnx or a folder of training runs; left out, deeplight's own model."""
-    panoramas: tuple[str, ...] = ()
+    panoramas: Repeated = ()
     """Other methods: NAME=FOLDER of HDR panoramas named by key, or NAME=FOLDER,ELEVATION_DEG."""
     out: Path | None = None
     """Folder for the report and all files."""
@@ -44,7 +49,8 @@ def run(args: Args) -> None:
     from deeplight.io.atomic import results_folder
 
     data = opened(args.data, args.benchmark, args.hdri)
-    wanted = Wanted(data, args.split, args.model, args.panoramas, args.examples, args.three_spheres)
+    models, panoramas = (tuple(chain.from_iterable(each)) for each in (args.model, args.panoramas))
+    wanted = Wanted(data, args.split, models, panoramas, args.examples, args.three_spheres)
     with results_folder(args.out) if args.out else nullcontext():  # told before any work
         check_can_write(args.out)
         with Progress(transient=True) as bar:

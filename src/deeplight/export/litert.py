@@ -92,19 +92,37 @@ def quantised(
     """The model with what it stores, and for int8 what it computes with, in fewer bits."""
     from ai_edge_quantizer import quantizer
 
-    work = quantizer.Quantizer(bytearray(model))
-    work.load_quantization_recipe(recipe(precision))
-    ranges = None
+    work, rules = quantizer.Quantizer(bytearray(model)), recipe(precision)
+    work.load_quantization_recipe(rules.get_quantization_recipe())
+    found = None
     if work.need_calibration:
         assert photos is not None
-        inputs = [{contract.input_name: photo[None]} for photo in photos]
-        ranges = work.calibrate({SIGNATURE: inputs}, num_threads=1)
-    done = work.quantize(ranges, enable_progress_bar=False, enable_progress_report=False)
+        found = signal_ranges(model, contract, rules, photos)
+    done = work.quantize(found, enable_progress_bar=False, enable_progress_report=False)
     return bytes(done.quantized_model)
 
 
+def signal_ranges(
+    model: bytes,
+    contract: ModelContract,
+    rules: Any,
+    photos: Float32[np.ndarray, "n 3 height width"],
+) -> dict[str, Any]:
+    """Least and greatest value of every signal over all photos.
+
+    The quantiser's own default, a moving average over photos, cuts the few photos off that make
+    a layer answer most: their light was up to 55 % too bright.
+    """
+    from ai_edge_quantizer import calibrator
+    from ai_edge_quantizer.utils import qsv_utils
+
+    watching = calibrator.Calibrator(model, num_threads=1, qsv_update_func=qsv_utils.min_max_update)
+    watching.calibrate({SIGNATURE: [{contract.input_name: photo[None]} for photo in photos]}, rules)
+    return dict(watching.get_model_qsvs())
+
+
 def recipe(precision: Precision) -> Any:
-    """What the quantiser is to do."""
+    """What the quantiser is to do, as its rules."""
     from ai_edge_quantizer import qtyping, recipe_manager
     from ai_edge_quantizer.algorithm_manager import AlgorithmName
 
@@ -129,4 +147,4 @@ def recipe(precision: Precision) -> Any:
         left = [(".*", operation.INPUT), (".*", operation.OUTPUT)]
         for pattern, name in [*left, *((layer, operation.ALL_SUPPORTED) for layer in EXACT)]:
             rules.add_quantization_config(pattern, name, algorithm_key=AlgorithmName.NO_QUANTIZE)
-    return rules.get_quantization_recipe()
+    return rules

@@ -6,8 +6,9 @@ precision without losing the sun.
 
 import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import onnx
 import torch
@@ -17,9 +18,6 @@ from torch import nn
 from deeplight.contract import CONTRACT_KEY, ModelContract
 from deeplight.errors import ModelError
 from deeplight.io.atomic import replacing
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 OPSET = 18  # onnxruntime >= 1.14, its web build included
 HALF_MAX = 65504.0
@@ -58,17 +56,13 @@ def write_model(model: ModelProto, contract: ModelContract, path: Path, float16:
 
 def traced(generator: nn.Module, contract: ModelContract) -> ModelProto:
     """The network's graph for any batch size."""
-    device = next(generator.parameters()).device
-    photo = torch.zeros(2, 3, contract.height, contract.width, device=device)
-    was_training = generator.training
-    in_place = [m for m in generator.modules() if isinstance(m, nn.ReLU6) and m.inplace]
-    for module in in_place:
-        module.inplace = False  # the same graph, but the exporter finds it in half the time
+    photo = torch.zeros(2, 3, contract.height, contract.width)
+    photo = photo.to(next(generator.parameters()).device)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-    with warnings.catch_warnings():
+    with ready_to_trace(generator), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # notes of the exporter about its own future
         program = torch.onnx.export(
-            generator.eval(),
+            generator,
             (photo,),
             input_names=[contract.input_name],
             output_names=[contract.output_name],
@@ -78,12 +72,25 @@ def traced(generator: nn.Module, contract: ModelContract) -> ModelProto:
             verbose=False,
             external_data=False,
         )
-    generator.train(was_training)
-    for module in in_place:
-        module.inplace = True
     if program is None:
         raise ModelError("a network that can be exported", type(generator).__name__, "report this")
     return program.model_proto
+
+
+@contextmanager
+def ready_to_trace(generator: nn.Module) -> Iterator[None]:
+    """Evaluation mode, nothing in place (the graph is the same, found sooner); then as before."""
+    was_training = generator.training
+    in_place = [m for m in generator.modules() if isinstance(m, nn.ReLU6) and m.inplace]
+    try:
+        for module in in_place:
+            module.inplace = False
+        generator.eval()
+        yield
+    finally:
+        generator.train(was_training)
+        for module in in_place:
+            module.inplace = True
 
 
 def remove_traces(model: ModelProto) -> None:

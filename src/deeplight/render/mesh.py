@@ -250,7 +250,7 @@ def _finish(material: Any) -> Finish:
         factor = material.baseColorFactor
         colour = (1.0, 1.0, 1.0) if factor is None else tuple(np.asarray(factor)[:3] / 255.0)
         both = material.metallicRoughnessTexture
-        parts = None if both is None else _texture(both)
+        parts = None if both is None else np.asarray(both)
         rough, metal = material.roughnessFactor, material.metallicFactor
         rough, metal = 1.0 if rough is None else rough, 1.0 if metal is None else metal
         return Finish(
@@ -274,11 +274,7 @@ def _coloured(
         return (red, green, blue), None
     # Factors are linear, the texture is not.
     encoded = np.array([red, green, blue], np.float32) ** np.float32(1 / 2.2)
-    return (red, green, blue), (_texture(picture) * encoded).astype(np.uint8)
-
-
-def _texture(picture: Any) -> UInt8[np.ndarray, "height width 3"]:
-    return np.asarray(picture.convert("RGB"))
+    return (red, green, blue), (np.asarray(picture) * encoded).astype(np.uint8)
 
 
 def _checked(mesh: Mesh, path: Path) -> Mesh:

@@ -59,6 +59,13 @@ export class CellMeans {
     this.#part = noSums(this.width);
   }
 
+  /** Forgets what was added. */
+  reset(): void {
+    this.#cells.fill(0);
+    this.#whole.rows = 0;
+    this.#present = 0;
+  }
+
   /**
    * Adds rows of the part that matters, four bytes a pixel, from `row` of the photo on, in order.
    *

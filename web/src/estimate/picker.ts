@@ -17,6 +17,7 @@ export function sizeOf(frame: Frame): { readonly width: number; readonly height:
 export class Picker {
   #canvas: OffscreenCanvas | undefined;
   #strip = new Uint8Array();
+  #refused = false; // some browsers throw where others convert: the canvas from then on
 
   /**
    * Every pixel of the part that matters, unscaled: averages are exact only then.
@@ -24,9 +25,14 @@ export class Picker {
    * @returns whether the pixels came as BGRA, not as RGBA.
    */
   async pick(frame: Frame, means: CellMeans): Promise<boolean> {
-    const format = await this.#copy(frame, means);
-    if (!format) this.#draw(frame, means);
-    return format?.startsWith("B") ?? false;
+    const format = this.#refused
+      ? undefined
+      : await this.#copy(frame, means).catch(() => "refused");
+    this.#refused ||= format === "refused";
+    if (format && !this.#refused) return format.startsWith("B");
+    means.reset(); // of the strips before the one that was refused
+    this.#draw(frame, means);
+    return false;
   }
 
   /** Ten times as fast as a canvas; undefined where the browser or the frame does not allow it. */
