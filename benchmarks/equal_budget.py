@@ -39,9 +39,10 @@ ROWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "places42": ("small-msd", ("data.places=42",)),
     "colours": ("small-msd", ("augment.channel_shuffle=0.0",)),
     "more": ("small-msd", ()),
+    "made": ("small-msd", ()),
 }
-"""Preset and settings by the name of the run; all other settings are the same, but that `more`
-also learns from the data sets of --more."""
+"""Preset and settings by the name of the run; all other settings are the same, but that `more` and
+`made` also learn from the data sets of --more and --made."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ class Args:
     """Folded MobileNetV2 weights that every encoder starts from."""
     more: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """Data sets that the row `more` learns from beside the first; without one it is left out."""
+    made: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """The same for the row `made`: views in made-up places, say."""
     out: Path = Path("runs/equal")
     """Folder of the runs."""
     rows: tuple[str, ...] = tuple(ROWS)
@@ -68,8 +71,8 @@ def main(args: Args) -> None:
     if unknown:
         raise ConfigError(f"rows of {', '.join(ROWS)}", ", ".join(unknown), "choose of these")
     for name in args.rows:
-        more = args.more if name == "more" else ()
-        if name == "more" and not more:
+        more = {"more": args.more, "made": args.made}.get(name, ())
+        if name in ("more", "made") and not more:
             continue
         variant, changes = ROWS[name]
         print(name, variant, *changes)

@@ -25,6 +25,7 @@ DATA = {
     "msd": "as it is",
     "colours": "colour channels never shuffled",
     "more": "and varied copies of its places",
+    "made": "and made-up rooms and open ground",
 }
 HEAD = ("diffuse", "silver", "mirror", "angle of colour, °", "mirror detail", "direction, °")
 COLUMNS = (
