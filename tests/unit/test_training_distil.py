@@ -1,5 +1,8 @@
 """A smaller network starts near its teacher, and is pulled towards it."""
 
+import copy
+import math
+
 import numpy as np
 import pytest
 
@@ -141,7 +144,7 @@ def test_distance_and_size_look_at_the_ball_only(size):
 
 
 def test_the_teacher_adds_its_distance(wide, photos):
-    teacher = Teacher(wide, 0.5)
+    teacher = Teacher([wide], 0.5)
     flipped = torch.arange(len(photos)) % 2 == 0
     inputs = Inputs(photos, torch.zeros(12, 3, 3, 4), torch.zeros(12, dtype=torch.int64), flipped)
     answer = teacher.answer(inputs, 16)
@@ -154,10 +157,23 @@ def test_the_teacher_adds_its_distance(wide, photos):
     assert all(parameter.grad is None for parameter in wide.parameters())  # it teaches only
 
 
+def test_several_teachers_teach_their_mean_radiance(wide, photos):
+    brighter = copy.deepcopy(wide)
+    brighter.decoder.up3.bias.data += math.log(3)
+    none = torch.zeros(12, dtype=torch.bool)
+    inputs = Inputs(photos, torch.zeros(12, 3, 3, 4), torch.zeros(12, dtype=torch.int64), none)
+    one = Teacher([wide], 1.0).answer(inputs, 16)
+    two = Teacher([wide, brighter], 1.0).answer(inputs, 16)
+    torch.testing.assert_close(two, one + math.log(2))  # (1 + 3) / 2, not the middle of the logs
+    torch.testing.assert_close(Teacher([wide, wide], 1.0).answer(inputs, 16), one)
+
+
 def test_the_settings_name_the_teacher(root, tmp_path):
     golden = root / "tests" / "golden" / "tiny.onnx"
     config = preset("small", [f"distil.teacher={golden}"])
-    assert Teacher.of(config).network.output_size == 16
+    assert Teacher.of(config).networks[0].output_size == 16
+    both = preset("small", [f"distil.teacher={golden}, {golden}"])
+    assert len(Teacher.of(both).networks) == 2
     landscape = preset("small-landscape", [f"distil.teacher={golden}"])
     with pytest.raises(ModelError, match="landscape"):
         Teacher.of(landscape)

@@ -13,11 +13,13 @@ from deeplight.mirror_ball import coverage
 
 @dataclass(frozen=True)
 class DistilConfig:
-    """The teacher of a smaller network, and of one with another output size; not in the paper."""
+    """The teacher of a smaller network, of one with another output size, and of one that is to
+    answer as several do; not in the paper."""
 
     teacher: str = ""
-    """A trained network: .onnx, best.safetensors or the folder of a run. The new network starts as
-    near it as it can (see `slim`). Empty: no teacher."""
+    """A trained network: .onnx, best.safetensors or the folder of a run; or several, divided by
+    commas, which teach their mean radiance. The new network starts as near the first as it can (see
+    `slim`), without --weights. Empty: no teacher."""
     weight: float = 0.1
     """Weight of the mean |ln radiance - the teacher's| beside the reconstruction loss."""
 

@@ -189,7 +189,7 @@ class Run:
             elif imagenet is not None:
                 load_imagenet(self.generator.encoder, imagenet, photos)
         if self.teacher is not None:
-            self.teacher.network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+            self.teacher.networks.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if weights is not None:
             checkpoint.load_weights(self.generator, weights)
         devices.over_all_devices(self.generator, self.share)

@@ -1,11 +1,13 @@
 """Learning from a trained network (Hinton et al. 2015): its ln radiance is one more target."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import torch
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 
 from deeplight.errors import ModelError
 from deeplight.training.augment import Inputs, turn_back
@@ -18,33 +20,40 @@ from deeplight.training.slim import start_from
 
 
 class Teacher:
-    """A trained network that answers every batch beside the one that learns."""
+    """Trained networks that answer every batch, as one, beside the one that learns."""
 
-    def __init__(self, network: Generator, weight: float) -> None:
-        self.network, self.weight = network.requires_grad_(False).eval(), weight
+    def __init__(self, networks: Sequence[Generator], weight: float) -> None:
+        self.networks, self.weight = nn.ModuleList(networks).requires_grad_(False).eval(), weight
 
     @classmethod
     def of(cls, config: TrainConfig) -> "Teacher":
-        """The teacher that the settings name.
+        """The teachers that the settings name.
 
         Raises:
-            ModelError: it cannot be read, or looks at photos of another shape.
+            ModelError: one cannot be read, or looks at photos of another shape.
         """
-        network, contract = load_network(Path(config.distil.teacher))
         orientation = config.network.orientation
-        if (contract.height, contract.width) != PHOTO_SIZE[orientation]:
-            got = f"{config.distil.teacher} for photos of {contract.width} x {contract.height}"
-            raise ModelError(f"a teacher for {orientation} photos", got, "take another one")
-        return cls(network, config.distil.weight)
+        networks = []
+        for name in config.distil.teacher.split(","):
+            network, contract = load_network(Path(name.strip()))
+            if (contract.height, contract.width) != PHOTO_SIZE[orientation]:
+                got = f"{name} for photos of {contract.width} x {contract.height}"
+                raise ModelError(f"a teacher for {orientation} photos", got, "take another one")
+            networks.append(network)
+        return cls(networks, config.distil.weight)
 
     def start(self, generator: Generator, config: TrainConfig, photos: Tensor) -> None:
-        """Give a new network weights with which it answers almost like its teacher."""
-        start_from(generator, config.network, self.network, photos)
+        """Give a new network weights with which it answers almost like its first teacher."""
+        first = self.networks[0]
+        assert isinstance(first, Generator)
+        start_from(generator, config.network, first, photos)
 
     @torch.no_grad()
     def answer(self, inputs: Inputs, size: int) -> Float[Tensor, "n 3 size size"]:
-        """Its ln radiance for the photos that the other network sees, turned back alike."""
-        return resized(turn_back(self.network(inputs.photo), inputs.flipped), size)
+        """ln of their mean radiance for the photos that the other sees, turned back alike."""
+        answers = torch.stack([network(inputs.photo) for network in self.networks])
+        together = answers.logsumexp(0) - math.log(len(answers))
+        return resized(turn_back(together, inputs.flipped), size)
 
     def join(
         self, terms: LossTerms, log_radiance: Float[Tensor, "n 3 size size"], inputs: Inputs
