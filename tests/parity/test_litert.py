@@ -81,6 +81,8 @@ def test_a_file_gives_what_the_training_network_gives(
     found = estimator.estimate_inputs(photos)
     if precision == "float32":
         np.testing.assert_allclose(found, expected, atol=1e-4, rtol=0)
+    # No photo's light is off as a whole: cut signals made it 1.5 times for some.
+    assert np.abs((found - expected).mean((1, 2, 3))).max() < 0.1
     before, after = (sphere_errors(data, views, q) for q in (expected, found))
     dimmed = sphere_errors(data, views, found - 0.5)  # the twin that must fail
     assert max(abs(dimmed[name] - before[name]) for name in SPHERES) > 0.003

@@ -111,7 +111,7 @@ def signal_ranges(
     """Least and greatest value of every signal over all photos.
 
     The quantiser's own default, a moving average over photos, cuts the few photos off that make
-    a layer answer most: their light was up to 55 % too bright.
+    a layer answer most: their light was off by a factor of up to 1.5.
     """
     from ai_edge_quantizer import calibrator
     from ai_edge_quantizer.utils import qsv_utils
