@@ -51,9 +51,9 @@ class Teacher:
     @torch.no_grad()
     def answer(self, inputs: Inputs, size: int) -> Float[Tensor, "n 3 size size"]:
         """ln of their mean radiance for the photos that the other sees, turned back alike."""
-        answers = torch.stack([network(inputs.photo) for network in self.networks])
-        together = answers.logsumexp(0) - math.log(len(answers))
-        return resized(turn_back(together, inputs.flipped), size)
+        light = [resized(network(inputs.photo), size) for network in self.networks]
+        together = torch.stack(light).logsumexp(0) - math.log(len(light))
+        return turn_back(together, inputs.flipped)
 
     def join(
         self, terms: LossTerms, log_radiance: Float[Tensor, "n 3 size size"], inputs: Inputs
