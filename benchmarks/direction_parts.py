@@ -76,10 +76,8 @@ def print_table(
     print(f"| main light | share | error, median | less than {NEAR_DEG}° |\n|---|---|---|---|")
     for words, part in parts.items():
         chosen = errors[part & known]
-        near = (chosen < NEAR_DEG).mean()
-        print(
-            f"| {words} | {len(chosen) / known.sum():.0%} | {np.median(chosen):.0f}° | {near:.0%} |"
-        )
+        share, near = 100 * len(chosen) / known.sum(), 100 * (chosen < NEAR_DEG).mean()
+        print(f"| {words} | {share:.0f} % | {np.median(chosen):.0f}° | {near:.0f} % |")
 
 
 def in_the_photo(towards: Directions, contract: ModelContract) -> Bool[np.ndarray, " examples"]:

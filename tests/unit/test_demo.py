@@ -254,6 +254,8 @@ def test_every_kind_of_file_has_a_type() -> None:
 
 def test_the_command_tells_its_address_and_stops_on_ctrl_c(folder: Path) -> None:
     code = (
+        # In the background of a script, where tests may run, Ctrl-C starts out ignored.
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
         "import sys, pathlib; from deeplight.demo import site; "
         "find = site.Site.installed; "
         f"site.Site.installed = lambda: find(pathlib.Path({str(folder)!r})); "

@@ -7,15 +7,11 @@ Prints the tables; with --out also report.html (look at it), results.json, resul
 
 from contextlib import nullcontext
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 
 import rich
-import tyro
-from rich.progress import Progress
 
-Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
-"""--model A B and --model A --model B are the same."""
+from deeplight.cli.repeated import Repeated, flat
 
 
 @dataclass(frozen=True)
@@ -43,23 +39,18 @@ class Args:
 
 
 def run(args: Args) -> None:
-    from deeplight.evaluate.command import Wanted, evaluation, opened
+    from deeplight.cli.evaluate_progress import measured
+    from deeplight.evaluate.command import Wanted, opened
     from deeplight.evaluate.files import check_can_write, write_files
     from deeplight.evaluate.tables import all_tables
     from deeplight.io.atomic import results_folder
 
     data = opened(args.data, args.benchmark, args.hdri)
-    models, panoramas = (tuple(chain.from_iterable(each)) for each in (args.model, args.panoramas))
-    wanted = Wanted(data, args.split, models, panoramas, args.examples, args.three_spheres)
+    methods = flat(args.model), flat(args.panoramas)
+    wanted = Wanted(data, args.split, *methods, args.examples, args.three_spheres)
     with results_folder(args.out) if args.out else nullcontext():  # told before any work
         check_can_write(args.out)
-        with Progress(transient=True) as bar:
-            task = bar.add_task("", total=None)
-            found = evaluation(
-                wanted,
-                lambda text, total: bar.reset(task, description=text, total=total),
-                lambda examples: bar.advance(task, examples),
-            )
+        found = measured(wanted)
         rich.print(*(table for result in found.results for table in all_tables(result)))
         if args.out is not None:
             write_files(args.out, found.results, data, found.models)
