@@ -1,4 +1,4 @@
-"""`deeplight train` with what cannot be trained on: one line, exit 2, no folder."""
+"""`deeplight train` with what cannot be trained on: one line, exit 2, no folder. What it tells."""
 
 from pathlib import Path
 
@@ -8,7 +8,9 @@ import pytest
 pytest.importorskip("torch")
 
 from deeplight.cli.main import main
+from deeplight.cli.train_export import finish
 from deeplight.errors import ConfigError, ModelError
+from deeplight.training import checkpoint
 from deeplight.training.config import RunConfig
 from deeplight.training.devices import fabric
 from deeplight.training.imagenet import read_folded
@@ -71,3 +73,12 @@ def test_an_accelerator_that_is_not_there_is_told():
     with pytest.raises(ConfigError, match="accelerator"):
         fabric(RunConfig(accelerator="quantum"))
     assert preset("small", ["run.accelerator=cpu"]).run.accelerator == "cpu"
+
+
+def test_a_run_tells_at_the_end_which_step_was_best(tmp_path, capsys):
+    finish(tmp_path, "data", None)
+    assert capsys.readouterr().out == ""  # stopped before the first validation
+    header = checkpoint.Header(7, 0.5, {}, "abc")
+    checkpoint.save(tmp_path / checkpoint.BEST, header, generator={})
+    finish(tmp_path, "data", None)
+    assert capsys.readouterr().out.startswith(f"{tmp_path}: best at step 7; look at ")

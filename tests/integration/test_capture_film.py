@@ -33,7 +33,9 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "films" / "clips"
 
 
-def test_film_capture_train_evaluate(clips: Path, tmp_path: Path) -> None:
+def test_film_capture_train_evaluate(
+    clips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("torch")
     out, run = tmp_path / "data", tmp_path / "run"
     assert main(["capture", str(clips), "--out", str(out), "--workers", "1"]) == 0
@@ -54,6 +56,9 @@ def test_film_capture_train_evaluate(clips: Path, tmp_path: Path) -> None:
         words += ["--set", setting]
     model = tmp_path / "model.onnx"
     assert main([*words, "--export", str(model)]) == 0
+    told = capsys.readouterr().out.splitlines()[-2:]
+    assert told == [f"{run}: best at step 2; look at {run / 'curves.png'}", f"wrote {model}"]
+    assert (run / "curves.png").is_file()
     results = tmp_path / "results"
     words = ["evaluate", "--data", str(out), "--split", "val", "--model", str(model)]
     assert main([*words, "--out", str(results)]) == 0

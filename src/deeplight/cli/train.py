@@ -45,7 +45,7 @@ class Args:
 
 def run(args: Args) -> None:
     """Train with a progress bar; export if asked to."""
-    from deeplight.cli.train_export import export_run
+    from deeplight.cli.train_export import finish
     from deeplight.cli.train_progress import TrainProgress
     from deeplight.training.devices import first_process
     from deeplight.training.loop import train
@@ -55,5 +55,5 @@ def run(args: Args) -> None:
     config = preset(args.preset, (*args.set, *machine, f"run.nodes={args.nodes}"))
     with TrainProgress(quiet=not first_process()) as progress:
         train(args.data, args.out, config, args.imagenet, progress.show, args.weights, args.more)
-    if args.export is not None and first_process():
-        export_run(args.out, args.export, data=args.data.rstrip("/").rsplit("/", 1)[-1])
+    if first_process():
+        finish(args.out, args.data, args.export)
