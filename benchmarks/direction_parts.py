@@ -47,10 +47,9 @@ def main(args: Args) -> None:
         while some := list(islice(examples, CHUNK)):
             photos = normalise(np.stack([example.background for example in some]))
             estimated = np.exp(model.estimate_inputs(photos).astype(np.float64))
-            wanted = brightest(np.stack([example.true_lighting for example in some])).directions
-            cosine = (brightest(estimated).directions * wanted).sum(1)
-            errors.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
-            true.append(wanted)
+            wanted = brightest(np.stack([example.true_lighting for example in some]))
+            errors.append(brightest(estimated).degrees_from(wanted))
+            true.append(wanted.directions)
             indoor += [split == "val_indoor"] * len(some)
     print_table(np.concatenate(errors), np.concatenate(true), np.array(indoor), model.contract)
 

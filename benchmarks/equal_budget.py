@@ -70,9 +70,10 @@ def main(args: Args) -> None:
     unknown = sorted(set(args.rows) - set(ROWS))
     if unknown:
         raise ConfigError(f"rows of {', '.join(ROWS)}", ", ".join(unknown), "choose of these")
+    beside = {"more": args.more, "made": args.made}
     for name in args.rows:
-        more = {"more": args.more, "made": args.made}.get(name, ())
-        if name in ("more", "made") and not more:
+        more = beside.get(name, ())
+        if name in beside and not more:
             continue
         variant, changes = ROWS[name]
         print(name, variant, *changes)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clips import GREYS, paper_located, picture, write_clip
+from clips import GREYS, HEIGHT, WIDTH, paper_located, picture, write_clip
 from deeplight.capture import clip as clip_module
 from deeplight.cli.main import main
 from deeplight.dataset import open_dataset
@@ -211,13 +211,16 @@ def test_one_frame_is_too_few_to_find_spheres_in(
 
 
 @pytest.mark.usefixtures("known_rig")
-def test_a_tall_clip_sees_66_degrees_from_top_to_bottom(tmp_path: Path) -> None:
-    """Unless told otherwise; a wide one as `preprocess` says, and it is told so."""
+def test_a_wide_clip_sees_66_degrees_along_its_long_side(tmp_path: Path) -> None:
+    """Unless told otherwise; a tall one sees them vertically, as ever."""
     clip = write_clip(tmp_path / "tall.mp4")
     assert captured(clip, tmp_path / "tall") == 0
     told = report(tmp_path / "tall", "tall")
     assert told["video"]["vertical_fov_deg"] == 66
     assert told["warnings"] == []
+    assert clip_module.frame_photo(HEIGHT, WIDTH).vertical_fov_rad == np.radians(66)
+    wide = clip_module.frame_photo(1080, 1920).vertical_fov_rad
+    assert np.tan(wide / 2) * 16 / 9 == pytest.approx(np.tan(np.radians(33)))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ def finish(run_dir: Path, data: str, path: Path | None) -> None:
 
     best = run_dir / checkpoint.BEST
     if best.is_file():
-        step = checkpoint.load(best)[0].step
+        step = checkpoint.read_header(best).step
         sys.stdout.write(f"{run_dir}: best at step {step}; look at {run_dir / 'curves.png'}\n")
     if path is not None:
         export_run(run_dir, path, data.rstrip("/").rsplit("/", 1)[-1])

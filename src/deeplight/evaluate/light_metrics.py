@@ -34,6 +34,11 @@ class Brightest:
     directions: Float64[np.ndarray, "examples 3"]
     irradiance: Float64[np.ndarray, " examples"]
 
+    def degrees_from(self, other: "Brightest") -> Float64[np.ndarray, " examples"]:
+        """Angle between the dominant lights of each pair."""
+        cosine = np.clip((self.directions * other.directions).sum(1), -1, 1)
+        return np.asarray(np.degrees(np.arccos(cosine)))
+
 
 def brightest(radiance: Radiances) -> Brightest:
     """Find the dominant light of every lighting."""
@@ -66,10 +71,9 @@ def light_errors(
     the last two are not defined.
     """
     own, wanted = brightest(estimated), brightest(true)
-    cosine = np.clip((own.directions * wanted.directions).sum(1), -1, 1)
     return {
         "energy_stops": _stops(mean_radiance(estimated), mean_radiance(true)),
-        "direction_deg": np.degrees(np.arccos(cosine)),
+        "direction_deg": own.degrees_from(wanted),
         "intensity_stops": _stops(own.irradiance, wanted.irradiance),
     }
 

@@ -20,6 +20,8 @@ from deeplight.training.config import TrainConfig, differences
 
 BEST = "best.safetensors"
 """Name of the weights with the least validation error in a run's folder."""
+UNREADABLE = (safetensors.SafetensorError, KeyError, TypeError, ValueError)
+"""What reading a file that is no checkpoint ends with."""
 
 KEPT = 2
 
@@ -69,17 +71,33 @@ def load(path: Path) -> tuple[Header, dict[str, dict[str, Tensor]]]:
     Raises:
         ModelError: the file is not a checkpoint of this program.
     """
+    header = read_header(path)
     try:
-        with safetensors.safe_open(path, framework="pt") as file:
-            header = Header.from_json((file.metadata() or {})["deeplight.run"])
         tensors = load_file(path)
-    except (safetensors.SafetensorError, KeyError, TypeError, ValueError) as error:
-        raise ModelError("a checkpoint of a training run", str(path), "check the file") from error
+    except UNREADABLE as error:
+        raise _no_checkpoint(path) from error
     groups: dict[str, dict[str, Tensor]] = {}
     for key, tensor in tensors.items():
         group, _, name = key.partition("/")
         groups.setdefault(group, {})[name] = tensor
     return header, groups
+
+
+def read_header(path: Path) -> Header:
+    """The header alone, without the tensors.
+
+    Raises:
+        ModelError: the file is not a checkpoint of this program.
+    """
+    try:
+        with safetensors.safe_open(path, framework="pt") as file:
+            return Header.from_json((file.metadata() or {})["deeplight.run"])
+    except UNREADABLE as error:
+        raise _no_checkpoint(path) from error
+
+
+def _no_checkpoint(path: Path) -> ModelError:
+    return ModelError("a checkpoint of a training run", str(path), "check the file")
 
 
 def optimiser_state(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:

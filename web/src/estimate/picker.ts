@@ -25,19 +25,19 @@ export class Picker {
    * @returns whether the pixels came as BGRA, not as RGBA.
    */
   async pick(frame: Frame, means: CellMeans): Promise<boolean> {
-    const format = this.#refused
-      ? undefined
-      : await this.#copy(frame, means).catch(() => "refused");
-    this.#refused ||= format === "refused";
-    if (format && !this.#refused) return format.startsWith("B");
-    means.reset(); // of the strips before the one that was refused
-    this.#draw(frame, means);
-    return false;
+    const format = await this.#copy(frame, means).catch(() => this.#giveUp(means));
+    if (!format) this.#draw(frame, means);
+    return format?.startsWith("B") ?? false;
+  }
+
+  #giveUp(means: CellMeans): undefined {
+    this.#refused = true;
+    means.reset(); // strips before the one that was refused
   }
 
   /** Ten times as fast as a canvas; undefined where the browser or the frame does not allow it. */
   async #copy(frame: Frame, means: CellMeans): Promise<string | undefined> {
-    if (typeof VideoFrame === "undefined") return undefined;
+    if (this.#refused || typeof VideoFrame === "undefined") return undefined;
     const video = frame instanceof VideoFrame ? frame : new VideoFrame(frame, { timestamp: 0 });
     const from = video.visibleRect;
     const { width, height } = sizeOf(frame);
