@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 from deeplight.errors import ImageFileError, InputError
 
 MAX_REASON = 160  # characters of a library's own words
 
-_Rest = ParamSpec("_Rest")
+_Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
 
 
@@ -44,15 +44,13 @@ def reading(path: Path | str, error: type[InputError] = ImageFileError) -> Itera
         raise unreadable(path, cause, error) from cause
 
 
-def reads(
-    function: Callable[Concatenate[Path | str, _Rest], _Result],
-) -> Callable[Concatenate[Path | str, _Rest], _Result]:
+def reads(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Put `reading` around a function whose first argument is the file's path."""
 
     @wraps(function)
-    def bounded(path: Path | str, *args: _Rest.args, **options: _Rest.kwargs) -> _Result:
-        with reading(path):
-            return function(path, *args, **options)
+    def bounded(*args: _Arguments.args, **options: _Arguments.kwargs) -> _Result:
+        with reading(str(args[0] if args else options["path"])):
+            return function(*args, **options)
 
     return bounded
 
