@@ -64,14 +64,14 @@ SPLITS ?= val test seen
 
 results: $(VENV)/.installed-test
 	$(BIN)/deeplight evaluate --data $(DATA) --split $(SPLITS) --out out/evaluation
-	$(BIN)/python benchmarks/update_results.py out/evaluation
+	$(BIN)/python lab/evidence/update_results.py out/evaluation
 
 # Table 1 and the learning curve: ten trainings, an hour or two on two cores. It may be killed.
 ablation: $(VENV)/.installed-test
 	@test -f "$(IMAGENET)" || { echo "make ablation IMAGENET=folded MobileNetV2 weights (.npz)"; exit 2; }
-	$(BIN)/python benchmarks/equal_budget.py $(DATA) --imagenet $(IMAGENET)
+	$(BIN)/python lab/evidence/equal_budget.py $(DATA) --imagenet $(IMAGENET)
 	$(BIN)/deeplight evaluate --data $(DATA) --split val --model runs/equal --out out/equal
-	$(BIN)/python benchmarks/equal_budget_tables.py out/equal
+	$(BIN)/python lab/evidence/equal_budget_tables.py out/equal
 
 # Blender's module brings its own numpy, so it gets an environment of its own, and so do the codecs.
 round-trip: $(VENV)/.installed-test .round-trip/.installed

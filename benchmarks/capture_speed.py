@@ -51,7 +51,7 @@ from pathlib import Path
 from deeplight.capture.catalogue import find_clips
 from deeplight.capture.clip import CaptureSettings
 from deeplight.capture.run import capture, plan
-from deeplight.engine import Engine
+from deeplight.jobs import Engine
 cv2.setNumThreads(1)
 read, kept, workers = [], [], int(sys.argv[3])
 def done(outcome):

@@ -20,8 +20,8 @@ import torch
 import tyro
 
 from deeplight.dataset import open_dataset
-from deeplight.training.batches import Batch, BatchSource
 from deeplight.training.config import TrainConfig
+from deeplight.training.data import Batch, BatchSource
 from deeplight.training.loop import Run
 from deeplight.training.presets import preset
 

@@ -19,8 +19,8 @@ import onnxruntime as ort
 import OpenImageIO as oiio
 from PIL import Image
 
-from deeplight.estimate.onnx_estimator import OnnxEstimator
-from deeplight.io.image import read_photo
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.io.photos import read_photo
 
 PHOTO = Path(__file__).resolve().parents[1] / "examples/photos/pagoda.jpg"
 SIZES = {"upright": (3024, 4032), "on its side (EXIF 6)": (4032, 3024)}

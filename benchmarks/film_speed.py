@@ -14,8 +14,8 @@ from pathlib import Path
 
 from deeplight.io.video_writer import VideoWriter
 from deeplight.simulate import panorama
-from deeplight.simulate.film.clip import Clip
-from deeplight.simulate.film.recipe import FilmRecipe
+from lab.film.clip import Clip
+from lab.film.recipe import FilmRecipe
 
 FRAMES = 20
 

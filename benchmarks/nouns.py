@@ -8,9 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from deeplight import harmonics, reflectance, resample
+from deeplight import harmonics, reflectance
 from deeplight.frames import world_from_camera
 from deeplight.lighting import Lighting
+from deeplight.mappings import resample
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG, SPHERES
 

@@ -15,7 +15,7 @@ from pathlib import Path
 CHILD = """
 import json, resource, sys, time
 from pathlib import Path
-from deeplight.engine import Engine
+from deeplight.jobs import Engine
 from deeplight.simulate.run import Recipe, plan, simulate
 recipe = Recipe(train_takes=1, eval_takes=0, seen_takes=0, frames=4)
 shards, simulation = plan(Path(sys.argv[1]), Path(sys.argv[2]), recipe)

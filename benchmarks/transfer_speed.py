@@ -12,12 +12,12 @@ from time import process_time
 
 import numpy as np
 
-from deeplight.render import shapes
-from deeplight.render.mesh import Mesh
-from deeplight.render.transfer import Settings, precompute
-from deeplight.render.transfer_file import encode
-from deeplight.render.transfer_mesh import prepared
-from deeplight.render.transfer_rays import Blockers, frames_at, hemisphere
+from deeplight.compose import shapes
+from deeplight.compose.mesh import Mesh
+from deeplight.transfer.file import encode
+from deeplight.transfer.mesh import prepared
+from deeplight.transfer.precompute import Settings, precompute
+from deeplight.transfer.rays import Blockers, frames_at, hemisphere
 
 # Cells of the bunny, longest edge, order, samples, bounces, with gloss.
 ROWS = (

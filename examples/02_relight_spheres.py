@@ -10,7 +10,7 @@ import numpy as np
 
 import deeplight
 from deeplight.camera_response import CameraResponse
-from deeplight.io.image import write_png
+from deeplight.io.photos import write_png
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG
 

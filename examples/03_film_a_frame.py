@@ -15,7 +15,7 @@ from PIL import Image
 from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
 from deeplight.frames import turned, world_from_camera
 from deeplight.io.atomic import replacing
-from deeplight.resample import sample_latlong
+from deeplight.mappings.resample import sample_latlong
 from deeplight.simulate.panorama import Place, load
 from deeplight.simulate.phone import PHONES, develop, draw_habits, metered
 

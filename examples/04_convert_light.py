@@ -8,9 +8,9 @@ from pathlib import Path
 
 import deeplight
 from deeplight.edit import Edit
-from deeplight.export.environment import Environment
-from deeplight.export.files import Wish, write_environment
-from deeplight.export.labelled import labelled_environment
+from deeplight.environment import Environment
+from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.labelled import labelled_environment
 
 PHOTO = Path(__file__).parent / "photos" / "pagoda.jpg"
 

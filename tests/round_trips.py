@@ -15,12 +15,12 @@ import pytest
 
 from deeplight.camera_response import CameraResponse
 from deeplight.edit import turned
-from deeplight.export.environment import Environment
-from deeplight.export.labelled import LABELS, labelled_environment
+from deeplight.environment import Environment
+from deeplight.formats.labelled import LABELS, labelled_environment
 from deeplight.frames import normalised, rotation
-from deeplight.io.hdr import write_exr
+from deeplight.io.radiance import write_exr
 from deeplight.lighting import Lighting
-from deeplight.mirror_ball import pixel_of_directions
+from deeplight.mappings.mirror_ball import pixel_of_directions
 from deeplight.reflectance import analytic_basis
 from deeplight.relight import relight
 from deeplight.sphere import SphereView

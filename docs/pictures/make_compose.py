@@ -9,12 +9,12 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from deeplight.camera import PinholeCamera
-from deeplight.estimate import default_estimator
+from deeplight.compose.compose import Composed, Item, Settings, compose
+from deeplight.compose.ground import Viewpoint
+from deeplight.compose.trace import Quality
+from deeplight.estimators.estimate import default_estimator
 from deeplight.io.atomic import replacing
-from deeplight.io.image import encode_jpeg, read_photo
-from deeplight.render.compose import Composed, Item, Settings, compose
-from deeplight.render.ground import Viewpoint
-from deeplight.render.trace import Quality
+from deeplight.io.photos import encode_jpeg, read_photo
 
 HERE = Path(__file__).parent
 PHOTOS = HERE.parents[1] / "examples" / "photos"

@@ -13,8 +13,9 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from deeplight import cube, frames, latlong, mirror_ball
+from deeplight import frames
 from deeplight.camera import BACKGROUND_FRACTION, TRAINED_CAMERA
+from deeplight.mappings import cube, latlong, mirror_ball
 from deeplight.sphere import PAPER_RIG, SphereView
 
 AXES = {

@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from deeplight.camera_response import CameraResponse
-from deeplight.export.labelled import labelled_environment
-from deeplight.io.hdr import read_hdr
+from deeplight.formats.labelled import labelled_environment
+from deeplight.io.radiance import read_hdr
 
 OUT = Path(__file__).parent / "convert.png"
 SCALE, GAP = 3, 12

@@ -1,6 +1,6 @@
 """Draw docs/pictures/films.jpg: python docs/pictures/make_film_sheet.py FOLDER_OF_FILMS.
 
-The middle frame of each clip of a folder that `deeplight simulate --video` made, with its
+The middle frame of each clip of a folder that `python -m lab.film` made, with its
 trouble's name; only of CC0 panoramas (the shipped one: Poly Haven), because it is shipped.
 """
 
@@ -13,7 +13,7 @@ from PIL import Image
 
 from deeplight.dataset.contact_sheet import column, grid, label
 from deeplight.io.atomic import replacing
-from deeplight.io.image import encode_jpeg
+from deeplight.io.photos import encode_jpeg
 from deeplight.io.video import stills
 
 HEIGHT, COLUMNS, MOST = 240, 9, 27

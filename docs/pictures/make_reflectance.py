@@ -2,7 +2,7 @@
 
 python docs/pictures/make_reflectance.py STAGE
 
-STAGE is a folder of `deeplight simulate --light-stage`. Every ball is 32 x 32 pixels, rendered
+STAGE is a folder of `python -m lab.light_stage`. Every ball is 32 x 32 pixels, rendered
 with the basis measured from its photographs, or with the mirror's one-hot basis.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from deeplight.camera_response import CameraResponse
 from deeplight.dataset.contact_sheet import column, enlarged, label, row
-from deeplight.io.image import write_png
+from deeplight.io.photos import write_png
 from deeplight.light_stage.measure import MeasureSettings, measure
 from deeplight.light_stage.picture import made_up_light
 from deeplight.reflectance import ReflectanceBasis, analytic_basis

@@ -11,16 +11,16 @@ from PIL import Image, ImageDraw
 
 from deeplight import harmonics
 from deeplight.camera_response import CameraResponse
-from deeplight.estimate import default_estimator
+from deeplight.estimators.estimate import default_estimator
 from deeplight.frames import rotation
 from deeplight.io.atomic import replacing
-from deeplight.io.image import encode_jpeg, read_photo
+from deeplight.io.photos import encode_jpeg, read_photo
 from deeplight.lighting import Lighting
-from deeplight.render import transfer_file
-from deeplight.render.transfer import Transfer
-from deeplight.render.transfer_ground import open_plane
-from deeplight.render.transfer_reference import path_traced
-from deeplight.render.transfer_view import Eye, view
+from deeplight.transfer import file as transfer_file
+from deeplight.transfer.ground import open_plane
+from deeplight.transfer.precompute import Transfer
+from deeplight.transfer.reference import path_traced
+from deeplight.transfer.view import Eye, view
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

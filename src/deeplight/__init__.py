@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from deeplight.camera_response import CameraResponse
     from deeplight.contract import ModelContract
     from deeplight.errors import DeepLightError, InputError
-    from deeplight.estimate import estimate
-    from deeplight.estimate.onnx_estimator import OnnxEstimator
+    from deeplight.estimators.estimate import estimate
+    from deeplight.estimators.onnx import OnnxEstimator
     from deeplight.harmonics import dominant_light, irradiance, project
-    from deeplight.io.image import read_photo
     from deeplight.io.lighting_file import load_lighting, save_lighting
+    from deeplight.io.photos import read_photo
     from deeplight.lighting import Lighting
     from deeplight.reflectance import ReflectanceBasis, analytic_basis
     from deeplight.relight import relight_rig
@@ -35,17 +35,18 @@ _HOME = {
     "InputError": "errors",
     "Lighting": "lighting",
     "ModelContract": "contract",
-    "OnnxEstimator": "estimate.onnx_estimator",
+    "OnnxEstimator": "estimators.onnx",
     "PinholeCamera": "camera",
     "ReflectanceBasis": "reflectance",
     "Rig": "sphere",
     "SphereView": "sphere",
     "analytic_basis": "reflectance",
     "dominant_light": "harmonics",
+    "estimate": "estimators.estimate",
     "irradiance": "harmonics",
     "load_lighting": "io.lighting_file",
     "project": "harmonics",
-    "read_photo": "io.image",
+    "read_photo": "io.photos",
     "relight_rig": "relight",
     "save_lighting": "io.lighting_file",
 }
@@ -74,9 +75,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "estimate":
-        # The folder of that name, which can be called: see its last lines.
-        return import_module("deeplight.estimate")
     if name not in _HOME:
         raise AttributeError(f"module 'deeplight' has no attribute {name!r}")
     value = getattr(import_module(f"deeplight.{_HOME[name]}"), name)

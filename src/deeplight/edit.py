@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import frames, latlong, resample
+from deeplight import frames
 from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ConfigError
 from deeplight.frames import Rotation
 from deeplight.harmonics import dominant_light_of_latlong
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong, resample
 
 MOST_STOPS = 30.0
 

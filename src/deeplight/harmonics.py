@@ -13,10 +13,10 @@ from math import factorial
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import latlong, mirror_ball
 from deeplight.camera_response import LUMINANCE
 from deeplight.frames import Rotation, turned
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong, mirror_ball
 
 CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1], np.float32)
 Coefficients = Float[np.ndarray, "9 3"]

@@ -12,7 +12,8 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import frames, latlong
+from deeplight import frames
+from deeplight.mappings import latlong
 from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ShapeError
 from deeplight.frames import Rotation

@@ -6,9 +6,9 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import mirror_ball, resample
 from deeplight.errors import ShapeError
 from deeplight.frames import Rotation
+from deeplight.mappings import mirror_ball, resample
 
 LIGHTING_SIZE = 32  # the network's output
 

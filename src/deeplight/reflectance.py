@@ -12,10 +12,11 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import brdf, frames, mirror_ball
+from deeplight import brdf, frames
 from deeplight.errors import ShapeError
 from deeplight.frames import Rotation
 from deeplight.lighting import LIGHTING_SIZE
+from deeplight.mappings import mirror_ball
 from deeplight.sphere import Rig, SphereView
 
 _ROWS_AT_A_TIME = 64  # keeps the working set in the processor's cache

@@ -11,10 +11,10 @@ from typing import Any, Self
 import numpy as np
 from jaxtyping import Bool, Float
 
-from deeplight import mirror_ball
 from deeplight.camera import TRAINED_CAMERA
 from deeplight.errors import ShapeError
 from deeplight.frames import MIRROR_X, Rotation, looking_at, require_rotation, turned
+from deeplight.mappings import mirror_ball
 
 SPHERES = ("mirror", "matte_silver", "diffuse")
 CROP_SIZE = 32

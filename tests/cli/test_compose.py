@@ -7,9 +7,9 @@ import pytest
 
 from deeplight.camera_response import CameraResponse
 from deeplight.cli.main import main
-from deeplight.io.hdr import read_hdr, write_exr
-from deeplight.io.image import read_photo, write_png
-from deeplight.render.trace import Quality
+from deeplight.compose.trace import Quality
+from deeplight.io.photos import read_photo, write_png
+from deeplight.io.radiance import read_hdr, write_exr
 
 pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
 
@@ -36,7 +36,7 @@ def photo(tmp_path: Path) -> Path:
 @pytest.fixture
 def light(tmp_path: Path) -> Path:
     """A faint sky with a lamp up on the left."""
-    from deeplight import latlong
+    from deeplight.mappings import latlong
 
     lamp = latlong.directions(32, 64) @ np.array([-0.7, 0.7, 0.14], np.float32) > 0.98
     path = tmp_path / "light.exr"

@@ -9,13 +9,13 @@ import pytest
 
 from deeplight.cli.main import main
 from deeplight.edit import direction_of
-from deeplight.export.labelled import labelled_environment
+from deeplight.formats.labelled import labelled_environment
 from deeplight.harmonics import dominant_light
-from deeplight.io.hdr import read_hdr, write_exr, write_hdr
 from deeplight.io.lighting_file import load_lighting, save_lighting
+from deeplight.io.radiance import read_hdr, write_exr, write_hdr
 from deeplight.lighting import Lighting
-from deeplight.mirror_ball import pixel_directions
-from deeplight.probe import cube_from_latlong, probe_from_latlong
+from deeplight.mappings.layouts import cube_from_latlong, probe_from_latlong
+from deeplight.mappings.mirror_ball import pixel_directions
 
 HEIGHT = 64
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 from deeplight.cli.main import main
 from deeplight.io import lighting_file
-from deeplight.io.hdr import read_hdr, write_exr
 from deeplight.io.lighting_file import load_lighting
+from deeplight.io.radiance import read_hdr, write_exr
 
 RESULTS = {".exr", ".json", ".preview.png"}
 
@@ -217,7 +217,7 @@ def test_a_full_disk_leaves_nothing_of_the_photo(
         Path(path).write_bytes(b"half")
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
-    owner = lighting_file if failing == "write_exr" else "deeplight.estimate.results"
+    owner = lighting_file if failing == "write_exr" else "deeplight.estimators.results"
     target = f"{owner if isinstance(owner, str) else owner.__name__}.{failing}"
     monkeypatch.setattr(target, full)
     assert estimate(photos / "scene.jpg") == 2

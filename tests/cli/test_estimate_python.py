@@ -11,8 +11,8 @@ from PIL import Image
 import deeplight
 from deeplight.contract import ModelContract
 from deeplight.errors import ImageFileError, ModelError, ShapeError
-from deeplight.estimate import estimate
-from deeplight.estimate.onnx_estimator import OnnxEstimator, shipped_model
+from deeplight.estimators.estimate import estimate
+from deeplight.estimators.onnx import OnnxEstimator, shipped_model
 from deeplight.lighting import Lighting
 from deeplight.preprocess import frame_photo, network_input
 
@@ -87,7 +87,7 @@ def test_the_public_name_can_be_called_before_and_after_its_folder_is_imported(
 ):
     monkeypatch.setattr(sys.modules["deeplight.estimate"], "_default", [estimator])
     wanted = estimator.estimate(smooth_pixels()).radiance
-    import_module("deeplight.estimate.sources")
+    import_module("deeplight.estimators.sources")
     for call in (deeplight.estimate, estimate):
         np.testing.assert_array_equal(call(smooth_pixels()).radiance, wanted)
 

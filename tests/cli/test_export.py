@@ -10,12 +10,12 @@ pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
 from deeplight.cli.main import main
-from deeplight.estimate.onnx_estimator import OnnxEstimator
-from deeplight.export import onnx
+from deeplight.deploy import onnx
+from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.training import checkpoint
 from deeplight.training.config import flatten
-from deeplight.training.generator import Generator
 from deeplight.training.model_file import load_network
+from deeplight.training.network.generator import Generator
 from deeplight.training.presets import preset
 
 

@@ -7,19 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.cli.main import main
+from deeplight.cli.main import main, run_command
 from deeplight.io.basis_file import load_bases, load_provenance
-from deeplight.io.hdr import write_exr
 from deeplight.io.photograph import read_photograph, write_photograph
+from deeplight.io.radiance import write_exr
 
 SMALL = "--stage.photo-px 40 --stage.spacing-deg 45 --stage.supersample 2 --stage.suffix .exr"
+
+
+def photograph(words: list[str]) -> int:
+    return run_command("python -m lab.light_stage", "lab.light_stage.__main__", words)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made") / "stage"
-    words = f"simulate --light-stage --out {folder} --stage.materials diffuse {SMALL}"
-    assert main(words.split()) == 0
+    words = f"--out {folder} --stage.materials diffuse {SMALL}"
+    assert photograph(words.split()) == 0
     return folder
 
 
@@ -53,8 +57,8 @@ def test_a_killed_stage_goes_on_with_what_is_missing(stage: Path) -> None:
     gone = sorted(before)[3]
     gone.unlink()
     kept = sorted(before)[5].stat().st_mtime_ns
-    words = f"simulate --light-stage --out {stage} --stage.materials diffuse {SMALL}"
-    assert main(words.split()) == 0
+    words = f"--out {stage} --stage.materials diffuse {SMALL}"
+    assert photograph(words.split()) == 0
     after = {path: path.read_bytes() for path in stage.rglob("light_*.exr")}
     assert set(after) == set(before)
     assert sorted(after)[5].stat().st_mtime_ns == kept
@@ -62,8 +66,8 @@ def test_a_killed_stage_goes_on_with_what_is_missing(stage: Path) -> None:
 
 
 def test_other_settings_do_not_mix_with_earlier_photographs(stage: Path, capfd) -> None:
-    words = f"simulate --light-stage --out {stage} --stage.materials diffuse {SMALL} --stage.seed 5"
-    assert main(words.split()) == 2
+    words = f"--out {stage} --stage.materials diffuse {SMALL} --stage.seed 5"
+    assert photograph(words.split()) == 2
     assert "truth.json began with" in capfd.readouterr().err
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from deeplight.cli.main import main
-from deeplight.render.transfer_file import read
+from deeplight.transfer.file import read
 
 pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
 

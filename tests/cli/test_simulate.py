@@ -7,7 +7,7 @@ import pytest
 
 from deeplight.cli.main import main
 from deeplight.dataset import open_dataset
-from deeplight.io.hdr import write_exr
+from deeplight.io.radiance import write_exr
 
 LIT = np.full((64, 128, 3), 0.5, np.float32)
 QUICK = "--workers 1 --recipe.train-takes 1 --recipe.eval-takes 1 --recipe.frames 1".split()

@@ -13,7 +13,7 @@ from deeplight.errors import ConfigError, ModelError
 from deeplight.training import checkpoint
 from deeplight.training.config import RunConfig
 from deeplight.training.devices import fabric
-from deeplight.training.imagenet import read_folded
+from deeplight.training.network.imagenet import read_folded
 from deeplight.training.presets import preset
 
 

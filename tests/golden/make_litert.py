@@ -9,9 +9,9 @@ import numpy as np
 import torch
 
 from deeplight.contract import ModelContract
-from deeplight.export.litert import export_litert
-from deeplight.export.onnx import export_onnx
-from deeplight.training.generator import Generator, NetworkConfig
+from deeplight.deploy.litert import export_litert
+from deeplight.deploy.onnx import export_onnx
+from deeplight.training.network.generator import Generator, NetworkConfig
 
 HERE = Path(__file__).resolve().parent
 SHAPE = NetworkConfig(

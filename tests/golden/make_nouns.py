@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from deeplight import latlong
 from deeplight.camera_response import CameraResponse
 from deeplight.frames import rotation
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG, SPHERES, Rig
 

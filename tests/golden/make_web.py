@@ -16,17 +16,19 @@ import numpy as np
 from make_nouns import light
 from PIL import Image
 
-from deeplight import brdf, camera_response, contract, harmonics, mirror_ball, preprocess
+from deeplight import brdf, camera_response, contract, harmonics, preprocess
 from deeplight.contract import ModelContract
-from deeplight.estimate.network import WHOLE_VIEW
-from deeplight.estimate.onnx_estimator import OnnxEstimator
-from deeplight.estimate.results import write_results
+from deeplight.estimators.network import WHOLE_VIEW
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.estimators.results import write_results
 from deeplight.frames import turned, world_from_camera
-from deeplight.io import image, lighting_file
+from deeplight.io import lighting_file
+from deeplight.io import photos as image
 from deeplight.lighting import LIGHTING_SIZE, Lighting
+from deeplight.mappings import mirror_ball
 from deeplight.relight import relight_rig
-from deeplight.render import transfer_file
 from deeplight.sphere import CROP_SIZE, PAPER_RIG
+from deeplight.transfer import file as transfer_file
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = ROOT / "web/src/contract/generated.ts"

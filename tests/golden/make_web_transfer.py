@@ -14,14 +14,15 @@ from make_web import GOLDEN, packed
 
 from deeplight import harmonics
 from deeplight.camera_response import CameraResponse, encode
+from deeplight.compose import shapes
+from deeplight.compose.mesh import Finish, Mesh
 from deeplight.frames import normalised
 from deeplight.lighting import Lighting
-from deeplight.mirror_ball import pixel_directions
-from deeplight.render import shapes, transfer_file
-from deeplight.render.mesh import Finish, Mesh
-from deeplight.render.transfer import Settings, precompute
-from deeplight.render.transfer_ground import Ground
-from deeplight.render.transfer_view import Eye, View, view
+from deeplight.mappings.mirror_ball import pixel_directions
+from deeplight.transfer import file as transfer_file
+from deeplight.transfer.ground import Ground
+from deeplight.transfer.precompute import Settings, precompute
+from deeplight.transfer.view import Eye, View, view
 
 FILE = GOLDEN / "transfer.json"
 EYE = Eye((0.7, 0.8, 1.9), (0, 0.4, 0), 0.7, 48, 48)

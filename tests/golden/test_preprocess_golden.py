@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.io.image import decode_rgb, read_photo
+from deeplight.io.photos import decode_rgb, read_photo
 from deeplight.preprocess import background, frame_photo
 
 GOLDEN = Path(__file__).parent / "preprocess_coffee.png"

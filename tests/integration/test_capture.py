@@ -17,8 +17,8 @@ from deeplight.capture.clip import CaptureSettings
 from deeplight.capture.run import Outcome, capture, plan
 from deeplight.cli.main import main
 from deeplight.dataset import Manifest, open_dataset
-from deeplight.engine import Engine
 from deeplight.errors import ConfigError, DataSetError
+from deeplight.jobs import Engine
 
 HERE = Engine(workers=1)
 SETTINGS = CaptureSettings()

@@ -20,7 +20,7 @@ from deeplight.capture import clip as clip_module
 from deeplight.cli.main import main
 from deeplight.dataset import open_dataset
 from deeplight.io import video
-from deeplight.io.image import encode_png
+from deeplight.io.photos import encode_png
 from deeplight.sphere import SPHERES
 
 av = pytest.importorskip("av")

@@ -23,7 +23,7 @@ from deeplight.dataset import (
     plan_split,
 )
 from deeplight.errors import ConfigError, DataSetError
-from deeplight.estimate.onnx_estimator import OnnxEstimator
+from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.evaluate import run as measuring
 from deeplight.evaluate import scores as scoring
 from deeplight.evaluate.baselines.baseline import ConstantLighting
@@ -31,8 +31,8 @@ from deeplight.evaluate.baselines.best_constant import best_constant
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for
 from deeplight.evaluate.baselines.training_pixels import RigPixels
 from deeplight.frames import world_from_camera
-from deeplight.io.hdr import write_exr
-from deeplight.io.image import decode_rgb, encode_jpeg
+from deeplight.io.photos import decode_rgb, encode_jpeg
+from deeplight.io.radiance import write_exr
 from deeplight.reflectance import rig_bases
 from deeplight.sphere import PAPER_RIG
 

@@ -1,4 +1,4 @@
-"""`deeplight simulate --video`: clips and truth that agree, resumed, with broken panoramas."""
+"""`python -m lab.film`: clips and truth that agree, resumed, with broken panoramas."""
 
 import hashlib
 import json
@@ -7,18 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight import latlong
-from deeplight.cli.main import main
-from deeplight.io.hdr import write_exr
+from deeplight.cli.main import run_command
+from deeplight.io.radiance import write_exr
 from deeplight.io.video import facts, stills
+from deeplight.mappings import latlong
 from deeplight.sphere import SPHERES
 
 pytest.importorskip("av")
 
 WORDS = (
-    "--video --film.size 96 --film.seconds 0.14 --film.clips 4 --film.no-vary-rig "
+    "--film.size 96 --film.seconds 0.14 --film.clips 4 --film.no-vary-rig "
     "--film.troubles variable_rate dropped_frames"
 ).split()
+
+
+def film(words: list[str]) -> int:
+    return run_command("python -m lab.film", "lab.film.__main__", words)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +43,7 @@ def hdri(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def films(hdri: Path) -> Path:
     out = hdri.parent / f"{hdri.name}-films"
-    assert main(["simulate", "--hdri", str(hdri), "--out", str(out), *WORDS]) == 0
+    assert film(["--hdri", str(hdri), "--out", str(out), *WORDS]) == 0
     return out
 
 
@@ -92,7 +96,7 @@ def test_what_is_missing_is_made_again_byte_for_byte(films: Path, hdri: Path) ->
     first.unlink()  # killed between the film and its truth
     kept = sorted(films.glob("clips/*.mp4"))[1]
     written = kept.stat().st_mtime_ns
-    assert main(["simulate", "--hdri", str(hdri), "--out", str(films), *WORDS]) == 0
+    assert film(["--hdri", str(hdri), "--out", str(films), *WORDS]) == 0
     assert digests(films) == before
     assert kept.stat().st_mtime_ns == written
 
@@ -109,7 +113,7 @@ def test_what_is_missing_is_made_again_byte_for_byte(films: Path, hdri: Path) ->
     ],
 )
 def test_impossible_settings_are_one_line(films, hdri, capfd, words, told) -> None:
-    assert main(["simulate", "--hdri", str(hdri), "--out", str(films), *WORDS, *words.split()]) == 2
+    assert film(["--hdri", str(hdri), "--out", str(films), *WORDS, *words.split()]) == 2
     (line,) = capfd.readouterr().err.splitlines()
     assert told in line
 
@@ -122,6 +126,6 @@ def test_nothing_to_film_leaves_nothing(tmp_path, hdri, capfd, split) -> None:
     (folder / "manifest.csv").write_text("file,split,place,scene\nbroken.exr,test,a,indoor\n")
     out = tmp_path / "out"
     words = ["--hdri", str(folder), "--out", str(out), *WORDS, "--film.split", split]
-    assert main(["simulate", *words]) == 2
+    assert film([*words]) == 2
     assert len(capfd.readouterr().err.splitlines()) == 1
     assert not out.exists()

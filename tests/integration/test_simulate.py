@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight import latlong
 from deeplight.cli.main import main
 from deeplight.dataset import open_dataset
-from deeplight.engine import Engine
 from deeplight.errors import ConfigError, DataSetError
-from deeplight.io.hdr import write_exr
+from deeplight.io.radiance import write_exr
+from deeplight.jobs import Engine
+from deeplight.mappings import latlong
 from deeplight.simulate.run import Recipe, plan, simulate
 
 RECIPE = Recipe(train_takes=2, eval_takes=1, seen_takes=1, frames=2, shard_takes=2)

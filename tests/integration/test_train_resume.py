@@ -20,8 +20,8 @@ from deeplight.cli.main import main  # noqa: E402
 from deeplight.dataset import open_dataset  # noqa: E402
 from deeplight.errors import ConfigError, DataSetError, ModelError  # noqa: E402
 from deeplight.training import checkpoint, fitted, loop  # noqa: E402
-from deeplight.training.batches import BatchSource, ExampleBytes, Order  # noqa: E402
 from deeplight.training.config import TrainConfig  # noqa: E402
+from deeplight.training.data import BatchSource, ExampleBytes, Order  # noqa: E402
 from deeplight.training.loop import BEST, Run, train  # noqa: E402
 from deeplight.training.presets import preset  # noqa: E402
 from deeplight.training.release import contract_of, load_best  # noqa: E402

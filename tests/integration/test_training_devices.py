@@ -24,7 +24,7 @@ from deeplight.dataset.remote import CACHE  # noqa: E402
 from deeplight.errors import DataSetError  # noqa: E402
 from deeplight.training import checkpoint  # noqa: E402
 from deeplight.training.augment import AugmentConfig, Inputs, augment  # noqa: E402
-from deeplight.training.batches import Order, StepIndices  # noqa: E402
+from deeplight.training.data import Order, StepIndices  # noqa: E402
 from deeplight.training.devices import Share, over_all_devices  # noqa: E402
 
 SETTINGS = (

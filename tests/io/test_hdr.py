@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from deeplight.errors import ImageFileError
-from deeplight.io.hdr import read_hdr, write_exr, write_hdr
+from deeplight.io.radiance import read_hdr, write_exr, write_hdr
 
 
 def radiance(height: int = 20, width: int = 40) -> np.ndarray:

@@ -14,8 +14,7 @@ import pytest
 from PIL import Image
 
 from deeplight.errors import ImageFileError, MissingExtraError
-from deeplight.io.hdr import write_exr, write_hdr
-from deeplight.io.image import (
+from deeplight.io.photos import (
     MID_GREY,
     decode_rgb,
     encode_jpeg,
@@ -24,6 +23,7 @@ from deeplight.io.image import (
     read_photo,
     write_png,
 )
+from deeplight.io.radiance import write_exr, write_hdr
 
 HEIGHT, WIDTH = 48, 64
 FORMATS = ("jpg", "png", "webp", "tif", "bmp", "gif", "jp2", "avif")

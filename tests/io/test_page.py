@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.io.chart import Chart, Curve, Mark, round_numbers
-from deeplight.io.page import Figure, Heading, Link, Page, Paragraph, Row, Table
+from deeplight.report.chart import Chart, Curve, Mark, round_numbers
+from deeplight.report.page import Figure, Heading, Link, Page, Paragraph, Row, Table
 
 PIXELS = np.full((4, 6, 3), 90, np.uint8)
 

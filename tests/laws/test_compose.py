@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from deeplight import latlong
 from deeplight.camera import PinholeCamera
-from deeplight.frames import normalised, turned
-from deeplight.render import materials
-from deeplight.render.compose import Item, Settings, compose
-from deeplight.render.composite import RESPONSE, composite
-from deeplight.render.engine import mitsuba
-from deeplight.render.ground import Viewpoint
-from deeplight.render.mesh import load, standing
-from deeplight.render.scene import (
+from deeplight.compose import materials
+from deeplight.compose.compose import Item, Settings, compose
+from deeplight.compose.composite import RESPONSE, composite
+from deeplight.compose.ground import Viewpoint
+from deeplight.compose.mesh import load, standing
+from deeplight.compose.mitsuba_variant import mitsuba
+from deeplight.compose.scene import (
     Scene,
     Solid,
     Texture,
@@ -26,8 +24,10 @@ from deeplight.render.scene import (
     mitsuba_scene,
     sensor,
 )
-from deeplight.render.surface import surface_of
-from deeplight.render.trace import MOST_BOUNCES, Layers, Quality, trace
+from deeplight.compose.surface import surface_of
+from deeplight.compose.trace import MOST_BOUNCES, Layers, Quality, trace
+from deeplight.frames import normalised, turned
+from deeplight.mappings import latlong
 
 pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
 

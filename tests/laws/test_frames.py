@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from deeplight import cube, frames, latlong, mirror_ball
+from deeplight import frames
 from deeplight.lighting import Lighting
+from deeplight.mappings import cube, latlong, mirror_ball
 
 AXES = {
     "+x": [1, 0, 0],

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from deeplight import frames, harmonics, latlong, mirror_ball
+from deeplight import frames, harmonics
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong, mirror_ball
 
 DIRECTIONS = mirror_ball.pixel_directions(32).reshape(-1, 3)
 SOLID_ANGLE = mirror_ball.solid_angles(32).reshape(-1, 1)

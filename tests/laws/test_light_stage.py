@@ -5,17 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight import mirror_ball
 from deeplight.camera_response import CameraResponse
 from deeplight.frames import looking_at
 from deeplight.io.light_stage_file import StageLights, write_lights
 from deeplight.light_stage.lobe import basis_weights, light_shares, lobe_weights, uncovered_share
 from deeplight.light_stage.measure import Measured, MeasureSettings, measure
 from deeplight.light_stage.picture import made_up_light
+from deeplight.mappings import mirror_ball
 from deeplight.reflectance import analytic_basis
 from deeplight.relight import relight
-from deeplight.simulate.light_stage import LightStage, lights_of, rings, write_light_stage
 from deeplight.sphere import PAPER_RIG, SphereView
+from lab.light_stage.run import LightStage, lights_of, rings, write_light_stage
 
 TINY = LightStage(("matte_silver", "diffuse"), photo_px=48, spacing_deg=18.0, supersample=2)
 RESPONSE = CameraResponse()

@@ -8,7 +8,7 @@ import pytest
 from deeplight.io.light_stage_file import StageLights, write_lights
 from deeplight.light_stage.measure import MeasureSettings, measure
 from deeplight.reflectance import analytic_basis
-from deeplight.simulate.light_stage import LightStage, lights_of, write_light_stage
+from lab.light_stage.run import LightStage, lights_of, write_light_stage
 
 STAGE = LightStage(("mirror", "diffuse"), photo_px=80, spacing_deg=30.0, supersample=2)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from deeplight import cube, latlong, mirror_ball
+from deeplight.mappings import cube, latlong, mirror_ball
 
 SIZES = (2, 3, 7, 16, 31, 32, 33, 64, 100)
 on_disc = st.tuples(st.floats(0, 0.999), st.floats(-np.pi, np.pi))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from deeplight import angular, cube, latlong, probe
 from deeplight.errors import ShapeError
 from deeplight.frames import normalised
+from deeplight.mappings import angular_map, cube, latlong, layouts
 
 HEIGHT = 128
 DIRECTIONS = latlong.directions(HEIGHT, 2 * HEIGHT) + np.float32(2)
@@ -28,8 +28,8 @@ def power(radiance: np.ndarray) -> float:
 @pytest.mark.parametrize("mapping", [*IN_PARTS, "angular", "latlong"])
 def test_every_direction_comes_back(mapping) -> None:
     size = HEIGHT // 2 if mapping in IN_PARTS else HEIGHT
-    picture = probe.probe_from_latlong(DIRECTIONS, mapping, size)
-    back = probe.latlong_from_probe(picture, mapping)
+    picture = layouts.probe_from_latlong(DIRECTIONS, mapping, size)
+    back = layouts.latlong_from_probe(picture, mapping)
     np.testing.assert_allclose(back, DIRECTIONS, atol=0.02)
 
 
@@ -37,14 +37,14 @@ def test_every_direction_comes_back(mapping) -> None:
 def test_a_mirrored_picture_would_be_found(mapping) -> None:
     """The twin."""
     size = HEIGHT // 2 if mapping in IN_PARTS else HEIGHT
-    picture = probe.probe_from_latlong(DIRECTIONS, mapping, size)[:, ::-1]
-    back = probe.latlong_from_probe(np.ascontiguousarray(picture), mapping)
+    picture = layouts.probe_from_latlong(DIRECTIONS, mapping, size)[:, ::-1]
+    back = layouts.latlong_from_probe(np.ascontiguousarray(picture), mapping)
     assert np.abs(back - DIRECTIONS).max() > 0.5
 
 
 def test_the_mirror_ball_comes_back_but_for_its_rim() -> None:
-    ball = probe.probe_from_latlong(DIRECTIONS, "mirror-ball", HEIGHT)
-    back = probe.latlong_from_probe(ball, "mirror-ball")
+    ball = layouts.probe_from_latlong(DIRECTIONS, "mirror-ball", HEIGHT)
+    back = layouts.latlong_from_probe(ball, "mirror-ball")
     error = np.abs(back - DIRECTIONS)
     assert error.mean() < 0.005
     assert error[DIRECTIONS[..., 2] > 1.1].max() < 0.05  # 25 degrees off straight ahead
@@ -55,12 +55,12 @@ def test_the_mirror_ball_comes_back_but_for_its_rim() -> None:
 def test_a_suns_power_is_kept(mapping, direction) -> None:
     light = sun(direction)
     if mapping == "cube":
-        faces = probe.cube_from_latlong(light, 64)
+        faces = layouts.cube_from_latlong(light, 64)
         whole = float((faces[..., 0] * cube.solid_angles(64)).sum())
         assert whole == pytest.approx(power(light), rel=0.03)
-        back = probe.latlong_from_cube(faces)
+        back = layouts.latlong_from_cube(faces)
     else:
-        back = probe.latlong_from_probe(probe.angular_from_latlong(light, 128), "angular")
+        back = layouts.latlong_from_probe(layouts.angular_from_latlong(light, 128), "angular")
     assert power(back) == pytest.approx(power(light), rel=0.03)
 
 
@@ -69,14 +69,14 @@ def test_positions_are_the_directions_pixels() -> None:
     np.testing.assert_array_equal(face, np.arange(6)[:, None, None] * np.ones((6, 8, 8)))
     np.testing.assert_allclose(row, np.arange(8)[None, :, None] * np.ones((6, 8, 8)), atol=1e-9)
     np.testing.assert_allclose(column, np.arange(8)[None, None] * np.ones((6, 8, 8)), atol=1e-9)
-    on_disc = angular.on_disc(16)
-    row, column = angular.position(angular.directions(16), 16)
+    on_disc = angular_map.on_disc(16)
+    row, column = angular_map.position(angular_map.directions(16), 16)
     np.testing.assert_allclose(row[on_disc], np.nonzero(on_disc)[0], atol=1e-9)
     np.testing.assert_allclose(column[on_disc], np.nonzero(on_disc)[1], atol=1e-9)
 
 
 def test_the_angular_maps_middle_is_the_view_and_its_right_is_plus_x() -> None:
-    directions = angular.directions(64)
+    directions = angular_map.directions(64)
     np.testing.assert_allclose(directions[32, 32], [0, 0, -1], atol=0.08)
     np.testing.assert_allclose(directions[32, 47], [1, 0, 0], atol=0.08)
     np.testing.assert_allclose(directions[16, 32], [0, 1, 0], atol=0.08)
@@ -93,15 +93,15 @@ def test_the_angular_maps_middle_is_the_view_and_its_right_is_plus_x() -> None:
     ],
 )
 def test_a_shape_tells_its_mapping(shape, mapping) -> None:
-    assert probe.mapping_of(*shape) == mapping
+    assert layouts.mapping_of(*shape) == mapping
 
 
 @pytest.mark.parametrize(("shape", "said"), [((64, 64), "angular"), ((64, 100), "crop")])
 def test_other_shapes_are_refused(shape, said) -> None:
     with pytest.raises(ShapeError, match=said):
-        probe.mapping_of(*shape)
+        layouts.mapping_of(*shape)
 
 
 def test_a_cross_of_the_wrong_sides_is_refused() -> None:
     with pytest.raises(ShapeError, match="3 by 4 squares"):
-        probe.latlong_from_probe(np.ones((64, 47, 3), np.float32), "cross")
+        layouts.latlong_from_probe(np.ones((64, 47, 3), np.float32), "cross")

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from deeplight import brdf, frames, mirror_ball
+from deeplight import brdf, frames
+from deeplight.mappings import mirror_ball
 from deeplight.reflectance import ReflectanceBasis, analytic_basis, rig_bases
 from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
 

@@ -5,8 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from deeplight import frames, latlong
+from deeplight import frames
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong
 from deeplight.reflectance import analytic_basis, rig_bases
 from deeplight.relight import relight, relight_rig
 from deeplight.sphere import PAPER_RIG, SPHERES, SphereView

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from deeplight import cube, frames, latlong, mirror_ball, resample
+from deeplight import frames
 from deeplight.lighting import Lighting
+from deeplight.mappings import cube, latlong, mirror_ball, resample
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG
 

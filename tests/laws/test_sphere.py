@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from deeplight import frames, mirror_ball
+from deeplight import frames
 from deeplight.camera import BACKGROUND_FRACTION, TRAINED_CAMERA
+from deeplight.mappings import mirror_ball
 from deeplight.sphere import PAPER_RIG, SPHERES, Rig, SphereView, rig_in_frame
 
 TILTED = SphereView(frames.looking_at(np.array([0.3, -0.5, -1.0])), np.radians(12))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from deeplight import brdf, harmonics
+from deeplight.compose import shapes
+from deeplight.compose.mesh import Mesh
 from deeplight.frames import normalised, rotation
-from deeplight.render import shapes
-from deeplight.render.mesh import Mesh
-from deeplight.render.transfer import Settings, Transfer, precompute
-from deeplight.render.transfer_clusters import clustered
-from deeplight.render.transfer_ground import Ground
-from deeplight.render.transfer_rays import hemisphere
+from deeplight.transfer.clusters import clustered
+from deeplight.transfer.ground import Ground
+from deeplight.transfer.precompute import Settings, Transfer, precompute
+from deeplight.transfer.rays import hemisphere
 
 pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
 

@@ -57,7 +57,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 def test_annotations_are_checked_while_tests_run() -> None:
     import numpy as np
 
-    from deeplight.io.image import encode_png
+    from deeplight.io.photos import encode_png
 
     with pytest.raises(Exception, match=r"encode_png"):
         encode_png(np.zeros((4, 4, 2), np.uint8))

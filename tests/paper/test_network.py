@@ -8,13 +8,13 @@ torch = pytest.importorskip("torch")
 
 from torch import nn  # noqa: E402
 
-from deeplight.training.generator import (  # noqa: E402
+from deeplight.training.network.generator import (  # noqa: E402
     PHOTO_SIZE,
     Generator,
     NetworkConfig,
     fold_batch_norm,
 )
-from deeplight.training.mobilenet_v2 import MobileNetV2Encoder, same_padding  # noqa: E402
+from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder, same_padding  # noqa: E402
 
 
 def parameters(module):

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from deeplight.export.environment import Environment
-from deeplight.export.files import Wish, write_environment
-from deeplight.io.hdr import read_hdr
+from deeplight.environment import Environment
+from deeplight.formats.files import Wish, write_environment
+from deeplight.io.radiance import read_hdr
 from round_trips import (
     MATERIALS,
     SIZE,

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.export.environment import Environment
-from deeplight.export.files import Wish, write_environment
-from deeplight.export.labelled import labelled_environment
-from deeplight.export.orientation import faces_for
-from deeplight.probe import cube_from_latlong
+from deeplight.environment import Environment
+from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.labelled import labelled_environment
+from deeplight.io.orientation import faces_for
+from deeplight.mappings.layouts import cube_from_latlong
 
 MODULES = os.environ.get("DEEPLIGHT_NODE_MODULES", "")
 PARSER = Path(MODULES) / "three/examples/jsm/libs/ktx-parse.module.js"

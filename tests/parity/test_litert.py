@@ -11,10 +11,10 @@ pytest.importorskip("litert_torch")
 
 from deeplight.camera_response import encode, soft_clip  # noqa: E402
 from deeplight.dataset import open_dataset  # noqa: E402
-from deeplight.estimate.open import open_model  # noqa: E402
+from deeplight.deploy.litert import PRECISIONS, export_litert  # noqa: E402
+from deeplight.estimators.open import open_model  # noqa: E402
 from deeplight.evaluate.metrics import masked_l1  # noqa: E402
 from deeplight.evaluate.scores import rendered_radiance  # noqa: E402
-from deeplight.export.litert import PRECISIONS, export_litert  # noqa: E402
 from deeplight.preprocess import normalise  # noqa: E402
 from deeplight.reflectance import rig_bases  # noqa: E402
 from deeplight.sphere import SPHERES  # noqa: E402

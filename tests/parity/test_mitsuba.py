@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeplight import brdf, frames, latlong
+from deeplight import brdf, frames
 from deeplight.camera_response import CameraResponse
-from deeplight.io.hdr import read_hdr
+from deeplight.io.radiance import read_hdr
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
 

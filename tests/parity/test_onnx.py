@@ -14,9 +14,9 @@ import onnxruntime  # noqa: E402
 from torch import nn  # noqa: E402
 
 from deeplight.contract import CONTRACT_KEY, ModelContract  # noqa: E402
+from deeplight.deploy.onnx import ready_to_trace, store_as_float16, traced, write_model  # noqa: E402
 from deeplight.errors import ModelError  # noqa: E402
-from deeplight.export.onnx import ready_to_trace, store_as_float16, traced, write_model  # noqa: E402
-from deeplight.training.generator import Generator, NetworkConfig  # noqa: E402
+from deeplight.training.network.generator import Generator, NetworkConfig  # noqa: E402
 
 CONTRACT = ModelContract(trained_on="nothing yet")
 

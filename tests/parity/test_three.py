@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.export.environment import Environment
-from deeplight.export.files import Wish, write_environment
+from deeplight.environment import Environment
+from deeplight.formats.files import Wish, write_environment
 from round_trips import (
     MATERIALS,
     SIZE,

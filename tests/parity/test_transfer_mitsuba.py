@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from deeplight import frames, harmonics, latlong
+from deeplight import frames, harmonics
+from deeplight.compose import shapes
+from deeplight.compose.mesh import Mesh
 from deeplight.lighting import Lighting
-from deeplight.render import shapes
-from deeplight.render.mesh import Mesh
-from deeplight.render.transfer import Settings, Transfer, precompute
-from deeplight.render.transfer_ground import open_plane
-from deeplight.render.transfer_reference import path_traced
-from deeplight.render.transfer_view import Eye, view
+from deeplight.mappings import latlong
+from deeplight.transfer.ground import open_plane
+from deeplight.transfer.precompute import Settings, Transfer, precompute
+from deeplight.transfer.reference import path_traced
+from deeplight.transfer.view import Eye, view
 
 pytest.importorskip("mitsuba")
 pytest.importorskip("embreex")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.export.files import Wish, write_environment
+from deeplight.formats.files import Wish, write_environment
 from round_trips import labelled, tell
 
 PYTHON = os.environ.get("DEEPLIGHT_IMAGECODECS_PYTHON", sys.executable)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.io.hdr import read_hdr
 from deeplight.io.lighting_file import load_lighting
+from deeplight.io.radiance import read_hdr
 
 
 @pytest.fixture(scope="module")

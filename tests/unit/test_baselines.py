@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from deeplight import mirror_ball
 from deeplight.camera_response import decode, encode, soft_clip
 from deeplight.dataset import (
     DataSet,
@@ -38,6 +37,7 @@ from deeplight.evaluate.baselines.training_mean import training_mean
 from deeplight.evaluate.baselines.training_pixels import RigPixels, training_pixels
 from deeplight.evaluate.metrics import masked_l1
 from deeplight.evaluate.scores import rendered_radiance
+from deeplight.mappings import mirror_ball
 from deeplight.preprocess import normalise
 from deeplight.reflectance import rig_bases
 from deeplight.sphere import PAPER_RIG, SPHERES, Rig

@@ -14,7 +14,7 @@ from deeplight.dataset import Manifest
 from deeplight.errors import ConfigError, DataSetError
 from deeplight.evaluate import benchmark
 from deeplight.evaluate.benchmark import PINNED, RECIPES, Published, benchmark_data, make
-from deeplight.io.hdr import write_exr
+from deeplight.io.radiance import write_exr
 from deeplight.simulate.run import Recipe
 
 TINY = replace(RECIPES["v1"], eval_takes=1, frames=1, shard_takes=1)
@@ -97,7 +97,7 @@ print(shards.write(job, simulation.examples(job)).sha256)
 
 
 def test_a_shard_of_v1_is_the_published_one(shared: Path, root: Path, tmp_path: Path) -> None:
-    """Changed on purpose it needs a new recipe: see benchmarks/publish_benchmark.py."""
+    """Changed on purpose it needs a new recipe: see lab/evidence/publish_benchmark.py."""
     stored = root / "src" / "deeplight" / "evaluate" / "benchmark_v1.json"
     v1 = Published(**json.loads(stored.read_text()))
     assert Recipe(**v1.recipe) == RECIPES["v1"]

@@ -21,7 +21,7 @@ from deeplight.dataset import (
 )
 from deeplight.dataset.members import from_members, to_members
 from deeplight.errors import DataSetError
-from deeplight.io.image import decode_rgb, encode_jpeg
+from deeplight.io.photos import decode_rgb, encode_jpeg
 from deeplight.sphere import PAPER_RIG, SPHERES
 
 RIGS = {"paper": PAPER_RIG.to_dict()}

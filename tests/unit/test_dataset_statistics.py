@@ -17,7 +17,7 @@ from deeplight.dataset import (
 )
 from deeplight.dataset.contact_sheet import contact_sheet, spread_over_places, write_contact_sheet
 from deeplight.dataset.statistics import BRIGHTNESS_EDGES_STOPS, split_statistics
-from deeplight.io.image import read_photo
+from deeplight.io.photos import read_photo
 from deeplight.sphere import PAPER_RIG, SPHERES
 
 

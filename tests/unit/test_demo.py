@@ -14,7 +14,7 @@ from deeplight.cli.main import main
 from deeplight.demo.server import DemoServer
 from deeplight.demo.site import MODEL, Site, content_policy, content_type
 from deeplight.errors import ConfigError
-from deeplight.estimate.onnx_estimator import shipped_model
+from deeplight.estimators.onnx import shipped_model
 
 SECRET = b"not for you"
 FILES = {

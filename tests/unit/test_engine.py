@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from deeplight.engine import Engine, run
 from deeplight.errors import ConfigError
+from deeplight.jobs import Engine, run
 from jobs import Sum, add_up, threads_allowed
 
 

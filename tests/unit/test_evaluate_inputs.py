@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight import latlong, mirror_ball
 from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError, DataSetError, ModelError
-from deeplight.estimate.onnx_estimator import OnnxEstimator, shipped_model
+from deeplight.estimators.onnx import OnnxEstimator, shipped_model
 from deeplight.evaluate.models import NamedModel, named_models
 from deeplight.evaluate.panorama_estimates import panorama_estimates
 from deeplight.frames import normalised
-from deeplight.io.hdr import write_exr, write_hdr
+from deeplight.io.radiance import write_exr, write_hdr
+from deeplight.mappings import latlong, mirror_ball
 from deeplight.preprocess import landscape_background, normalise
 
 DISC = mirror_ball.coverage(32) > 0.99

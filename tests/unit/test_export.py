@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from deeplight import cube, latlong
+from deeplight.environment import Environment
 from deeplight.errors import InputError, ShapeError
-from deeplight.export.environment import Environment
-from deeplight.export.files import Wish, write_environment
-from deeplight.export.gltf import rgbd
-from deeplight.export.labelled import LABELS, LAMP_DIRECTION, LAMP_RADIUS_DEG, labelled_environment
-from deeplight.export.orientation import GLTF_SIGN, TOOLS, faces_for, turned_for, turned_from
-from deeplight.export.webxr import light_estimate_file
+from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.gltf import rgbd
+from deeplight.formats.labelled import LABELS, LAMP_DIRECTION, LAMP_RADIUS_DEG, labelled_environment
+from deeplight.formats.webxr import light_estimate_file
 from deeplight.harmonics import CONDON_SHORTLEY, basis, irradiance
 from deeplight.io.gain_map import write_gain_map_jpeg
-from deeplight.io.hdr import read_hdr
-from deeplight.probe import cube_from_latlong
+from deeplight.io.orientation import GLTF_SIGN, TOOLS, faces_for, turned_for, turned_from
+from deeplight.io.radiance import read_hdr
+from deeplight.mappings import cube, latlong
+from deeplight.mappings.layouts import cube_from_latlong
 
 
 @pytest.fixture(scope="module")

@@ -6,24 +6,25 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from deeplight import brdf, latlong, resample
+from deeplight import brdf
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import decode, encode
 from deeplight.frames import looking_at, world_from_camera
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong, resample
 from deeplight.relight import relight_rig
-from deeplight.simulate.film.clip import Clip, FilmFrame
-from deeplight.simulate.film.overlay import finger_in_picture, holder_in_picture, sphere_patch
-from deeplight.simulate.film.parts import Ball, Box, Rod, Thing, first_hits
-from deeplight.simulate.film.picture import FrameMaker
-from deeplight.simulate.film.recipe import TROUBLES, FilmRecipe
-from deeplight.simulate.film.reflections import Reflections
-from deeplight.simulate.film.rig import draw_rig, ellipse_px
-from deeplight.simulate.film.scenery import Scenery, doubled
-from deeplight.simulate.film.tag import CODES_36H11, tag_cells
-from deeplight.simulate.film.world import FLOOR_M, World, build_world, noise_tile
 from deeplight.simulate.phone import Habits, develop
 from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
+from lab.film.clip import Clip, FilmFrame
+from lab.film.overlay import finger_in_picture, holder_in_picture, sphere_patch
+from lab.film.parts import Ball, Box, Rod, Thing, first_hits
+from lab.film.picture import FrameMaker
+from lab.film.recipe import TROUBLES, FilmRecipe
+from lab.film.reflections import Reflections
+from lab.film.rig import draw_rig, ellipse_px
+from lab.film.scenery import Scenery, doubled
+from lab.film.tag import CODES_36H11, tag_cells
+from lab.film.world import FLOOR_M, World, build_world, noise_tile
 
 PLAIN = Habits(0.45, 0.0, 0.1, 1.0, 0.0, (0.0, 0.0, 0.0), 0.5, 2.2, 0.0, 0.0, 1e-12, 95)
 SMALL = FilmRecipe(size=180, seconds=0.1, vary_rig=False)

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deeplight import mirror_ball
 from deeplight.evaluate.light_metrics import brightest, light_errors, linear_errors, mean_radiance
 from deeplight.frames import rotation
 from deeplight.lighting import Lighting
+from deeplight.mappings import mirror_ball
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG, SPHERES
 

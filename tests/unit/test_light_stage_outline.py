@@ -7,8 +7,8 @@ from deeplight.camera import PinholeCamera
 from deeplight.errors import ImageFileError
 from deeplight.frames import looking_at
 from deeplight.light_stage.outline import find_sphere, sphere_at
-from deeplight.simulate.stage_photograph import Scene, in_white_light, points_of
 from deeplight.sphere import SphereView
+from lab.light_stage.photograph import Scene, in_white_light, points_of
 
 
 def lit(camera: PinholeCamera, towards: tuple[float, float, float], angular_deg: float):

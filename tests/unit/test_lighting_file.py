@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from deeplight.errors import ImageFileError
-from deeplight.export.orientation import TOOLS
-from deeplight.export.webxr import light_estimate
+from deeplight.formats.webxr import light_estimate
 from deeplight.harmonics import dominant_light, irradiance, project
-from deeplight.io.hdr import read_hdr
 from deeplight.io.lighting_file import Turn, load_lighting, save_lighting
+from deeplight.io.orientation import TOOLS
+from deeplight.io.radiance import read_hdr
 from deeplight.lighting import Lighting
-from deeplight.mirror_ball import pixel_directions
+from deeplight.mappings.mirror_ball import pixel_directions
 
 
 def lit_room(lamp: float = 40.0) -> Lighting:

@@ -11,7 +11,7 @@ pytest.importorskip("ai_edge_litert")
 from deeplight.cli.main import main
 from deeplight.contract import CONTRACT_KEY
 from deeplight.errors import MissingExtraError, ModelError
-from deeplight.estimate.open import open_model
+from deeplight.estimators.open import open_model
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_estimate_takes_a_tflite_file(golden, root, tmp_path, capfd):
 
 def test_without_the_runtime_the_extra_is_told(golden, monkeypatch):
     monkeypatch.setitem(sys.modules, "ai_edge_litert", None)
-    monkeypatch.delitem(sys.modules, "deeplight.estimate.litert_estimator", raising=False)
+    monkeypatch.delitem(sys.modules, "deeplight.estimators.litert", raising=False)
     with pytest.raises(MissingExtraError, match=r"deeplight\[litert\]"):
         open_model(golden / "tiny.tflite")
 
@@ -94,7 +94,7 @@ def test_without_the_runtime_the_extra_is_told(golden, monkeypatch):
 def test_both_formats_are_counted_alike(golden):
     pytest.importorskip("onnx")
     pytest.importorskip("torch")
-    from deeplight.export.counting import network_size
+    from deeplight.deploy.counting import network_size
     from deeplight.training.model_file import load_network
 
     onnx, tflite, eight = (

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from deeplight import frames, harmonics, latlong, mirror_ball, reflectance, relight, resample
+from deeplight import frames, harmonics, reflectance, relight
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import CameraResponse
 from deeplight.errors import (
@@ -20,6 +20,7 @@ from deeplight.errors import (
     ShapeError,
 )
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong, mirror_ball, resample
 from deeplight.sphere import PAPER_RIG, Rig, SphereView
 
 ONES = np.ones((8, 8, 3), np.float32)

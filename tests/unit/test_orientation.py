@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from deeplight import latlong
 from deeplight.errors import InputError
-from deeplight.export.orientation import TOOLS, turned_for
+from deeplight.io.orientation import TOOLS, turned_for
+from deeplight.mappings import latlong
 
 Formula = Callable[[float, float, float], tuple[float, float]]
 

@@ -15,7 +15,7 @@ import pytest
 
 from deeplight.cli import panoramas as command
 from deeplight.errors import ConfigError, DownloadError
-from deeplight.io.hdr import write_hdr
+from deeplight.io.radiance import write_hdr
 from deeplight.simulate.panorama import load, places_in
 from deeplight.simulate.poly_haven import Server, fetch_panoramas, rows_in, rows_of
 

@@ -11,17 +11,18 @@ import pytest
 from PIL import Image
 
 from deeplight.camera import PinholeCamera
+from deeplight.compose import gravity, shapes
+from deeplight.compose import mitsuba_variant as engine
+from deeplight.compose.compose import Item, placed
+from deeplight.compose.composite import composite, radiance_of, write_layers
+from deeplight.compose.denoise import denoised
+from deeplight.compose.ground import Viewpoint
+from deeplight.compose.light import environment
+from deeplight.compose.look import blurred, grain, look_of
+from deeplight.compose.mesh import load, standing
+from deeplight.compose.trace import Layers
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.frames import UP, world_from_camera
-from deeplight.render import engine, gravity, shapes
-from deeplight.render.compose import Item, placed
-from deeplight.render.composite import composite, radiance_of, write_layers
-from deeplight.render.denoise import denoised
-from deeplight.render.ground import Viewpoint
-from deeplight.render.light import environment
-from deeplight.render.look import blurred, grain, look_of
-from deeplight.render.mesh import load, standing
-from deeplight.render.trace import Layers
 
 VIEW = Viewpoint(PinholeCamera(640, 480, np.radians(50)), 1.4, np.radians(-20), np.radians(7))
 RNG = np.random.default_rng(3)
@@ -161,11 +162,11 @@ def test_a_large_texture_is_reduced_and_a_huge_one_told_by_name(
     box.visual = trimesh.visual.TextureVisuals(np.zeros((len(box.vertices), 2)), material=material)
     for name in ("a.glb", "b.glb"):
         (tmp_path / name).write_bytes(box.export(file_type="glb"))
-    monkeypatch.setattr("deeplight.render.mesh.KEPT_TEXTURE_PX", 30)
+    monkeypatch.setattr("deeplight.compose.mesh.KEPT_TEXTURE_PX", 30)
     (kept,) = load(str(tmp_path / "a.glb"))
     assert kept.finish.colour_map is not None
     assert kept.finish.colour_map.shape == (22, 11, 3)
-    monkeypatch.setattr("deeplight.render.mesh.MAX_TEXTURE_PX", 50)
+    monkeypatch.setattr("deeplight.compose.mesh.MAX_TEXTURE_PX", 50)
     with pytest.raises(ImageFileError, match=r"b\.glb.*32 x 64"):
         load(str(tmp_path / "b.glb"))
 
@@ -324,7 +325,7 @@ def test_the_layers_file_gives_the_picture_back(tmp_path: Path) -> None:
     rgb = np.stack([get[c] for c in "RGB"], -1)
     shadow = np.stack([get[f"shadow.{c}"] for c in "RGB"], -1)
     linear = radiance_of(photo) * shadow * (1 - get["A"][..., None]) + rgb
-    from deeplight.render.composite import RESPONSE
+    from deeplight.compose.composite import RESPONSE
 
     expected = RESPONSE.pixel_from_radiance(linear.astype(np.float32)) * 255
     assert np.abs(composite(photo, layers).pixels - expected).max() <= 0.51
@@ -361,8 +362,8 @@ def test_llvm_is_tried_once_in_a_child_process(
 
 
 def test_a_panorama_as_light_keeps_its_direction(tmp_path: Path) -> None:
-    from deeplight.io.hdr import write_exr
     from deeplight.io.lighting_file import VIEW_U
+    from deeplight.io.radiance import write_exr
 
     panorama = np.full((16, 32, 3), 0.1, np.float32)
     panorama[4, 24] = 100  # right of the view

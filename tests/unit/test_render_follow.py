@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight import latlong, resample
 from deeplight.camera import PinholeCamera
+from deeplight.compose.follow import Follower, smoothed, turned_to
+from deeplight.compose.ground import Viewpoint
+from deeplight.compose.look import blurred
+from deeplight.compose.trace import Quality
 from deeplight.frames import turned
 from deeplight.lighting import Lighting
-from deeplight.render.follow import Follower, smoothed, turned_to
-from deeplight.render.ground import Viewpoint
-from deeplight.render.look import blurred
-from deeplight.render.trace import Quality
+from deeplight.mappings import latlong, resample
 
 VIEW = Viewpoint(PinholeCamera(160, 240, np.radians(60)), 1.4, np.radians(-25), np.radians(5))
 

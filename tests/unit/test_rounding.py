@@ -6,7 +6,7 @@ torch = pytest.importorskip("torch")
 
 from torch import nn  # noqa: E402
 
-from deeplight.export.rounding import LEVELS, nearest, round_weights, scales  # noqa: E402
+from deeplight.deploy.rounding import LEVELS, nearest, round_weights, scales  # noqa: E402
 
 
 def network():

@@ -6,21 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight import latlong
 from deeplight.camera_response import CameraResponse, decode
 from deeplight.errors import DataSetError, ImageFileError
-from deeplight.io.hdr import write_exr
+from deeplight.io.radiance import write_exr
+from deeplight.mappings import latlong
 from deeplight.relight import relight_rig
 from deeplight.simulate.panorama import Place, load, places_in
-from deeplight.simulate.phone import (
-    PHONES,
-    Habits,
-    Setting,
-    develop,
-    draw_habits,
-    follow,
-    metered,
-)
+from deeplight.simulate.phone import PHONES, Habits, Setting, develop, draw_habits, follow, metered
 from deeplight.simulate.take import film, hand_held, shrink_ball
 from deeplight.sphere import PAPER_RIG
 

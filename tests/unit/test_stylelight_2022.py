@@ -5,7 +5,6 @@ from itertools import product
 import numpy as np
 import pytest
 
-from deeplight import mirror_ball
 from deeplight.evaluate.protocols.stylelight_2022 import (
     AS_PUBLISHED,
     CORRECTED,
@@ -14,6 +13,7 @@ from deeplight.evaluate.protocols.stylelight_2022 import (
     compared,
     tone_mapped,
 )
+from deeplight.mappings import mirror_ball
 from deeplight.sphere import SPHERES
 
 METRICS = ("angular_deg", "si_rmse", "rmse", "normalised_rmse")

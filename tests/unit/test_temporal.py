@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeplight import mirror_ball
 from deeplight.evaluate.scores import TRUE_LIGHTING, Report
 from deeplight.evaluate.temporal import changes, flicker, neighbours, runs_of_frames, step
 from deeplight.frames import turned, world_from_camera
+from deeplight.mappings import mirror_ball
 
 POSES = np.stack([world_from_camera(0.35 * n, -0.2 + 0.03 * n) for n in range(4)])
 

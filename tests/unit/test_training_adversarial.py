@@ -11,13 +11,14 @@ torch = pytest.importorskip("torch")
 from torch import nn  # noqa: E402
 
 from deeplight.errors import ConfigError  # noqa: E402
-from deeplight.mirror_ball import coverage  # noqa: E402
+from deeplight.mappings.mirror_ball import coverage  # noqa: E402
 from deeplight.sphere import PAPER_RIG, SphereView  # noqa: E402
 from deeplight.training.adversary import Adversary  # noqa: E402
 from deeplight.training.augment import Inputs, turn_back  # noqa: E402
 from deeplight.training.config import TrainConfig  # noqa: E402
 from deeplight.training.devices import ALONE, fabric  # noqa: E402
-from deeplight.training.discriminator import (  # noqa: E402
+from deeplight.training.losses import RigBases, pixels_of, reconstruction_terms  # noqa: E402
+from deeplight.training.network.discriminator import (  # noqa: E402
     AdversarialConfig,
     Discriminator,
     clean_plate,
@@ -25,7 +26,6 @@ from deeplight.training.discriminator import (  # noqa: E402
     generator_term,
     mirror_pictures,
 )
-from deeplight.training.losses import RigBases, pixels_of, reconstruction_terms  # noqa: E402
 
 SIZE = 8
 COVERAGE = torch.tensor(coverage(SIZE)).float()

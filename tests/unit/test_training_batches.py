@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from deeplight.training.batches import Batch, Order, StepIndices, take  # noqa: E402
+from deeplight.training.data import Batch, Order, StepIndices, take  # noqa: E402
 
 
 @pytest.mark.parametrize("count", [7, 32, 100])

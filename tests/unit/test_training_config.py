@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("torch")
 
 from deeplight.errors import ConfigError
-from deeplight.io.run_record import write_run_toml
+from deeplight.report.run_record import write_run_toml
 from deeplight.sphere import SPHERES
 from deeplight.training.config import differences, flatten
 from deeplight.training.optimiser import ScheduleConfig

@@ -12,8 +12,8 @@ pytest.importorskip("safetensors")
 from deeplight.errors import ConfigError, ModelError  # noqa: E402
 from deeplight.training.augment import Inputs  # noqa: E402
 from deeplight.training.distil import lit_l1, lit_share, resized  # noqa: E402
-from deeplight.training.generator import Generator, NetworkConfig  # noqa: E402
 from deeplight.training.losses import LossTerms  # noqa: E402
+from deeplight.training.network.generator import Generator, NetworkConfig  # noqa: E402
 from deeplight.training.presets import preset  # noqa: E402
 from deeplight.training.slim import least_squares, principal, start_from  # noqa: E402
 from deeplight.training.teacher import Teacher  # noqa: E402

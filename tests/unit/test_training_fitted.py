@@ -5,17 +5,13 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from deeplight.mirror_ball import coverage  # noqa: E402
+from deeplight.mappings.mirror_ball import coverage  # noqa: E402
 from deeplight.sphere import PAPER_RIG, Rig, SphereView  # noqa: E402
-from deeplight.training.batches import Batch  # noqa: E402
+from deeplight.training.data import Batch  # noqa: E402
 from deeplight.training.fitted import fit, fit_all, principal_components  # noqa: E402
-from deeplight.training.generator import Generator, NetworkConfig, fold_batch_norm  # noqa: E402
 from deeplight.training.losses import LossConfig, RigBases, pixels_of  # noqa: E402
-from deeplight.training.optimiser import (  # noqa: E402
-    OptimiserConfig,
-    make_optimiser,
-    set_learning_rate,
-)
+from deeplight.training.network.generator import Generator, NetworkConfig, fold_batch_norm  # noqa: E402
+from deeplight.training.optimiser import OptimiserConfig, make_optimiser, set_learning_rate  # noqa: E402
 
 SIZE = 8
 INSIDE = torch.tensor(coverage(SIZE) > 0.99)

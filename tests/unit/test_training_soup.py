@@ -9,8 +9,8 @@ import torch
 from deeplight.errors import ModelError
 from deeplight.training import checkpoint
 from deeplight.training.config import TrainConfig, flatten
-from deeplight.training.generator import Generator, NetworkConfig
-from deeplight.training.soup import average_weights
+from deeplight.training.network.generator import Generator, NetworkConfig
+from deeplight.training.weight_averaging import average_weights
 
 SMALL = NetworkConfig(width=0.35, output_size=16, latent_size=16)
 

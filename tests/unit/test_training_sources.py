@@ -6,7 +6,7 @@ import pytest
 from deeplight.dataset import Example, ExampleMeta
 from deeplight.errors import DataSetError
 from deeplight.sphere import PAPER_RIG
-from deeplight.training.batches import DataConfig
+from deeplight.training.data import DataConfig
 from deeplight.training.sources import Sources
 from toy_data import write_toy_data
 

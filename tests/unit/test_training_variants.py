@@ -9,22 +9,22 @@ pytest.importorskip("onnxscript")
 
 from deeplight.contract import ModelContract  # noqa: E402
 from deeplight.dataset import SplitIndex  # noqa: E402
+from deeplight.deploy.onnx import export_onnx  # noqa: E402
 from deeplight.errors import ConfigError, ModelError  # noqa: E402
-from deeplight.estimate.onnx_estimator import OnnxEstimator  # noqa: E402
-from deeplight.export.onnx import export_onnx  # noqa: E402
+from deeplight.estimators.onnx import OnnxEstimator  # noqa: E402
 from deeplight.preprocess import frame_photo, landscape_background, network_input  # noqa: E402
-from deeplight.training.batches import ExampleBytes, refuse_other_size  # noqa: E402
 from deeplight.training.checkpoint import Header  # noqa: E402
 from deeplight.training.config import changed, flatten  # noqa: E402
-from deeplight.training.generator import (  # noqa: E402
+from deeplight.training.data import ExampleBytes, refuse_other_size  # noqa: E402
+from deeplight.training.network.generator import (  # noqa: E402
     FEATURE_SIZE,
     PHOTO_SIZE,
     Generator,
     NetworkConfig,
     fold_batch_norm,
 )
-from deeplight.training.imagenet import load_imagenet  # noqa: E402
-from deeplight.training.mobilenet_v2 import (  # noqa: E402
+from deeplight.training.network.imagenet import load_imagenet  # noqa: E402
+from deeplight.training.network.mobilenet_v2 import (  # noqa: E402
     FEATURE_CHANNELS,
     STAGES,
     MobileNetV2Encoder,

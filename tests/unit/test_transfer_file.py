@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeplight.compose import shapes
+from deeplight.compose.mesh import Finish, Mesh
 from deeplight.errors import ImageFileError
 from deeplight.frames import normalised
-from deeplight.render import shapes
-from deeplight.render.mesh import Finish, Mesh
-from deeplight.render.transfer import Settings, Transfer, precompute
-from deeplight.render.transfer_file import LAYOUT, decode, encode, read, write
-from deeplight.render.transfer_ground import Ground
+from deeplight.transfer.file import LAYOUT, decode, encode, read, write
+from deeplight.transfer.ground import Ground
+from deeplight.transfer.precompute import Settings, Transfer, precompute
 
 pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from deeplight.compose.mesh import Finish, Mesh
 from deeplight.errors import ConfigError, ImageFileError
-from deeplight.render import transfer_mesh
-from deeplight.render.mesh import Finish, Mesh
-from deeplight.render.transfer import Settings, precompute
-from deeplight.render.transfer_mesh import prepared
+from deeplight.transfer import mesh as transfer_mesh
+from deeplight.transfer.mesh import prepared
+from deeplight.transfer.precompute import Settings, precompute
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 # Two triangles for each side of the cube, anticlockwise seen from outside.
@@ -79,7 +79,7 @@ def test_too_many_vertices_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_gloss_of_a_high_order_must_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deeplight.render.transfer._MOST_GLOSSY", 7 * 81**2)
+    monkeypatch.setattr("deeplight.transfer.precompute._MOST_GLOSSY", 7 * 81**2)
     with pytest.raises(ConfigError, match="at most 7 vertices for a glossy finish of order 8"):
         precompute([CUBE], Settings(order=8, longest_edge=2.0))
 

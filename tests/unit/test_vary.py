@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deeplight import latlong
+from deeplight.mappings import latlong
 from deeplight.simulate.vary import one_sided, relit, stepped, varied
 
 HEIGHT = 64

@@ -8,30 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight import latlong
 from deeplight.camera_response import LUMINANCE
-from deeplight.cli.main import main
+from deeplight.cli.main import main, run_command
 from deeplight.dataset import open_dataset
 from deeplight.errors import ConfigError
-from deeplight.simulate.worlds import paint
-from deeplight.simulate.worlds.landscape import (
-    DOME_ROWS,
-    clear_sky,
-    direct_light,
-    draw_landscape,
-    overcast_sky,
-)
-from deeplight.simulate.worlds.room import draw_room
-from deeplight.simulate.worlds.run import make_worlds, world_of
-from deeplight.simulate.worlds.settings import Worlds
-from deeplight.simulate.worlds.world import (
-    Dome,
-    LightGroup,
-    Sun,
-    World,
-    direction_towards,
-    panel,
-)
+from deeplight.mappings import latlong
+from lab.worlds import paint
+from lab.worlds.landscape import DOME_ROWS, clear_sky, direct_light, draw_landscape, overcast_sky
+from lab.worlds.room import draw_room
+from lab.worlds.run import make_worlds, world_of
+from lab.worlds.settings import Worlds
+from lab.worlds.world import Dome, LightGroup, Sun, World, direction_towards, panel
 
 SUN = direction_towards(2.0, 0.7)
 
@@ -115,7 +102,7 @@ def open_ground(albedo: float = 0.5) -> World:
 @pytest.fixture(scope="module")
 def traced() -> dict[str, np.ndarray]:
     pytest.importorskip("mitsuba")
-    from deeplight.simulate.worlds.trace import panoramas
+    from lab.worlds.trace import panoramas
 
     return panoramas(open_ground(), 64, 16, 0)
 
@@ -148,8 +135,8 @@ def test_moods_add_up_their_groups(traced: dict[str, np.ndarray]) -> None:
 def test_made_places_can_be_filmed(tmp_path: Path) -> None:
     pytest.importorskip("mitsuba")
     made, out = tmp_path / "made", tmp_path / "sim"
-    words = f"simulate --out {made} --skies 1 --worlds.height 64 --worlds.samples 1"
-    assert main(words.split()) == 0
+    words = f"--out {made} --skies 1 --worlds.height 64 --worlds.samples 1"
+    assert run_command("python -m lab.worlds", "lab.worlds.__main__", words.split()) == 0
     rows = list(csv.DictReader((made / "manifest.csv").open()))
     assert {row["split"] for row in rows} == {"train"}
     assert len({row["place"] for row in rows}) == 1

@@ -8,11 +8,11 @@ About half a minute for each. The shapes are our own, coarser than `deeplight co
 import json
 from pathlib import Path
 
-from deeplight.render import shapes
-from deeplight.render.mesh import Mesh
-from deeplight.render.pot import pot
-from deeplight.render.transfer import Settings, precompute
-from deeplight.render.transfer_file import write
+from deeplight.compose import shapes
+from deeplight.compose.mesh import Mesh
+from deeplight.compose.pot import pot
+from deeplight.transfer.file import write
+from deeplight.transfer.precompute import Settings, precompute
 
 FOLDER = Path(__file__).parents[1] / "public" / "objects"
 LARGEST_BYTES = 400_000

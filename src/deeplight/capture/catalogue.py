@@ -14,8 +14,8 @@ from deeplight.dataset import SPLITS
 from deeplight.dataset.example import SCENES
 from deeplight.dataset.splits import check_places
 from deeplight.errors import ConfigError, DataSetError
-from deeplight.io.table import read_table
 from deeplight.io.video import is_video
+from deeplight.report.table import read_table
 
 COLUMNS = ("clip", "place", "scene", "split")
 UNKNOWN_LICENCE = "not stated"

@@ -14,11 +14,12 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from deeplight import brdf, mirror_ball
+from deeplight import brdf
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import decode, encode
 from deeplight.capture.conic import Cone
 from deeplight.frames import looking_at, turned
+from deeplight.mappings import mirror_ball
 from deeplight.sphere import SPHERES, SphereView
 
 SIZE = 16  # pixels along crops and light: naming needs no more

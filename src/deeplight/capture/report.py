@@ -12,8 +12,8 @@ from deeplight.capture.clip import Account
 from deeplight.dataset.contact_sheet import enlarged
 from deeplight.dataset.manifest import read_json, write_json
 from deeplight.errors import DataSetError
-from deeplight.io.chart import Chart, Curve, Mark
-from deeplight.io.page import Figure, Heading, Link, Page, Paragraph, Row, Table
+from deeplight.report.chart import Chart, Curve, Mark
+from deeplight.report.page import Figure, Heading, Link, Page, Paragraph, Row, Table
 from deeplight.sphere import SPHERES
 
 REPORTS = "reports"

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from deeplight import mirror_ball
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import decode, encode
 from deeplight.capture.quality import shrunk
 from deeplight.frames import turned
+from deeplight.mappings import mirror_ball
 from deeplight.preprocess import Framing, background
 from deeplight.sphere import SPHERES, Rig, SphereView
 

@@ -27,8 +27,8 @@ from deeplight.dataset import Manifest, ShardJob, ShardPlan, Skipped
 from deeplight.dataset.plan import PLAN
 from deeplight.dataset.shards import index_path
 from deeplight.dataset.splits import check_places
-from deeplight.engine import LOCAL, Engine, run
 from deeplight.errors import DataSetError, InputError
+from deeplight.jobs import LOCAL, Engine, run
 from deeplight.sphere import Rig
 
 MADE_BY = "deeplight capture"

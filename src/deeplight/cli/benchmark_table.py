@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from deeplight.deploy.timing import matrix_peak_gflops, runners, time_all
 from deeplight.errors import ConfigError
-from deeplight.estimate.network import MAX_THREADS, cores
-from deeplight.estimate.onnx_estimator import shipped_model
-from deeplight.estimate.timing import matrix_peak_gflops, runners, time_all
+from deeplight.estimators.network import MAX_THREADS, cores
+from deeplight.estimators.onnx import shipped_model
 from deeplight.io.atomic import replacing, results_folder
 from deeplight.sphere import SPHERES
 
 if TYPE_CHECKING:
     from deeplight.cli.benchmark import Args
-    from deeplight.export.counting import NetworkSize
+    from deeplight.deploy.counting import NetworkSize
 
 Told = Callable[[str, int | None, int], None]
 """What is being done, of how many, how many are done."""
@@ -100,7 +100,7 @@ def _l1(args: "Args", models: Sequence[Path], told: Told) -> dict[Path, dict[str
     if args.data is None:
         return {}
     from deeplight.dataset import open_dataset
-    from deeplight.estimate.open import open_model
+    from deeplight.estimators.open import open_model
     from deeplight.evaluate.models import NamedModel
     from deeplight.evaluate.run import evaluate
 
@@ -114,7 +114,7 @@ def _l1(args: "Args", models: Sequence[Path], told: Told) -> dict[Path, dict[str
 
 
 def _size(model: Path) -> "NetworkSize | None":
-    from deeplight.export.counting import network_size
+    from deeplight.deploy.counting import network_size
 
     try:
         return network_size(model)

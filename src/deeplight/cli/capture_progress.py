@@ -16,9 +16,9 @@ from deeplight.capture.rig_file import read_rig_file, write_rig_file
 from deeplight.capture.run import Capture, ClipJob, Outcome, capture, plan
 from deeplight.dataset import Manifest
 from deeplight.dataset.manifest import read_json
-from deeplight.engine import Engine
 from deeplight.errors import ConfigError, InputError
 from deeplight.io.video import facts
+from deeplight.jobs import Engine
 from deeplight.sphere import Rig
 
 if TYPE_CHECKING:

@@ -11,19 +11,19 @@ from rich.progress import Progress
 
 from deeplight.camera import PinholeCamera
 from deeplight.cli.compose import Args
+from deeplight.compose.compose import Composed, Item, Settings, compose
+from deeplight.compose.composite import write_layers
+from deeplight.compose.gravity import tilt_of
+from deeplight.compose.ground import DEFAULT_PITCH_RAD, Viewpoint
+from deeplight.compose.light import environment
+from deeplight.compose.mesh import load
+from deeplight.compose.trace import FINAL, PREVIEW
 from deeplight.errors import ConfigError
-from deeplight.estimate.onnx_estimator import OnnxEstimator
+from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.io.atomic import replacing
-from deeplight.io.image import Photo, encode_jpeg, encode_png, read_photo
+from deeplight.io.photos import Photo, encode_jpeg, encode_png, read_photo
 from deeplight.io.video import is_video
 from deeplight.preprocess import Framing
-from deeplight.render.compose import Composed, Item, Settings, compose
-from deeplight.render.composite import write_layers
-from deeplight.render.gravity import tilt_of
-from deeplight.render.ground import DEFAULT_PITCH_RAD, Viewpoint
-from deeplight.render.light import environment
-from deeplight.render.mesh import load
-from deeplight.render.trace import FINAL, PREVIEW
 
 PICTURES = (".png", ".jpg", ".jpeg")
 

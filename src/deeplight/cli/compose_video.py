@@ -11,18 +11,18 @@ from rich.markup import escape
 from deeplight.camera import PinholeCamera
 from deeplight.cli.compose import Args
 from deeplight.cli.compose_run import bar, gained, settings_of, viewpoint_of
-from deeplight.estimate.onnx_estimator import OnnxEstimator
-from deeplight.io.image import Photo
+from deeplight.compose.compose import Item, Settings, matched, placed, rendered, scene_of
+from deeplight.compose.follow import Follower, smoothed, turned_to
+from deeplight.compose.ground import Viewpoint
+from deeplight.compose.light import environment
+from deeplight.compose.look import Look
+from deeplight.compose.scene import Scene
+from deeplight.compose.trace import Quality
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.io.photos import Photo
 from deeplight.io.video import Still, facts, stills
 from deeplight.io.video_writer import VideoWriter
 from deeplight.lighting import Lighting
-from deeplight.render.compose import Item, Settings, matched, placed, rendered, scene_of
-from deeplight.render.follow import Follower, smoothed, turned_to
-from deeplight.render.ground import Viewpoint
-from deeplight.render.light import environment
-from deeplight.render.look import Look
-from deeplight.render.scene import Scene
-from deeplight.render.trace import Quality
 
 FRAME = Quality(samples=32, shadow_samples=24, shadow_pixels=2_000, most_rays=150_000)
 
@@ -120,6 +120,6 @@ def _fov_deg(camera: PinholeCamera) -> float:
 
 
 def _turned(light: np.ndarray, first: Viewpoint, now: Viewpoint) -> np.ndarray:
-    from deeplight.resample import turned_latlong
+    from deeplight.mappings.resample import turned_latlong
 
     return turned_latlong(light, now.world_from_camera.T @ first.world_from_camera)

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import tyro
 
 from deeplight.edit import Edit
-from deeplight.probe import Mapping
+from deeplight.mappings.layouts import Mapping
 
 Format = Literal["exr", "hdr", "jpg", "json", "webxr", "ktx2", "gltf", "glb", "blender", "three"]
 Tool = Literal["blender", "three", "mitsuba", "unity", "unreal", "webxr"]
@@ -48,9 +48,9 @@ def run(args: Args) -> None:
     """Read, edit and write."""
     from rich.console import Console
 
-    from deeplight.export.files import Wish, write_environment
-    from deeplight.export.labelled import labelled_environment
-    from deeplight.export.source import read_environment
+    from deeplight.formats.files import Wish, write_environment
+    from deeplight.formats.labelled import labelled_environment
+    from deeplight.io.environment_file import read_environment
 
     wish = Wish(args.out, args.format, args.mapping, args.made_for, args.size)
     wish.must_not_replace(args.inputs)

@@ -38,7 +38,7 @@ def run(args: Args) -> None:
     """Estimate all that can be; of the rest tell why not, one line each."""
     from deeplight.cli.estimate_batch import Batch
     from deeplight.errors import ConfigError
-    from deeplight.estimate.open import open_model
+    from deeplight.estimators.open import open_model
 
     if not args.photos:
         raise ConfigError("at least one photo, folder or video", "none", "name one")

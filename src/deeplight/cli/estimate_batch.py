@@ -11,12 +11,12 @@ from rich.progress import Progress
 
 from deeplight.cli.main import told
 from deeplight.errors import ImageFileError, InputError
-from deeplight.estimate.network import Estimate, NetworkEstimator
-from deeplight.estimate.results import write_results
-from deeplight.estimate.sources import Source, find_sources
-from deeplight.export.orientation import TOOLS
-from deeplight.export.webxr import light_estimate_file
+from deeplight.estimators.network import Estimate, NetworkEstimator
+from deeplight.estimators.results import write_results
+from deeplight.estimators.sources import Source, find_sources
+from deeplight.formats.webxr import light_estimate_file
 from deeplight.io.atomic import results_folder
+from deeplight.io.orientation import TOOLS
 
 
 class _CannotWriteError(Exception):

@@ -25,11 +25,11 @@ def exported(args: "Args") -> ModelContract:
 
     generator, contract = load_network(args.model, args.trained_on)
     if form == "onnx":
-        from deeplight.export.onnx import export_onnx
+        from deeplight.deploy.onnx import export_onnx
 
         export_onnx(generator, contract, args.out, float16=args.precision == "float16")
     else:
-        from deeplight.export.litert import export_litert
+        from deeplight.deploy.litert import export_litert
 
         photos = None
         if args.calibrate is not None and args.precision.startswith("int8"):

@@ -71,13 +71,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     if verb not in VERBS:
         return _complain("deeplight", f"'{verb}' is no verb; {_suggestion(verb)}")
-    return _run(verb, words[1:])
+    return run_command(f"deeplight {verb}", f"deeplight.cli.{verb}", words[1:])
 
 
-def _run(verb: str, words: list[str]) -> int:
-    program = f"deeplight {verb}"
+def run_command(program: str, module: str | ModuleType, words: list[str]) -> int:
+    """Run a module with `Args` and `run(args)` as a command, and give its exit code.
+
+    Args:
+        program: what the user typed, for messages.
+        module: the module, or its name, which is imported where errors become exit codes.
+        words: the arguments.
+    """
     try:
-        module = importlib.import_module(f"deeplight.cli.{verb}")
+        if isinstance(module, str):
+            module = importlib.import_module(module)
         module.run(_parse(module, program, words))
         sys.stdout.flush()  # a reader that has gone away shows here at the latest
     except BrokenPipeError:

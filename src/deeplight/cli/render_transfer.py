@@ -7,11 +7,11 @@ from rich.markup import escape
 
 from deeplight.cli.compose_run import bar
 from deeplight.cli.render import Args
+from deeplight.compose.mesh import load
 from deeplight.errors import ConfigError
-from deeplight.render.mesh import load
-from deeplight.render.transfer import Settings, precompute
-from deeplight.render.transfer_file import write
-from deeplight.render.transfer_ground import Ground
+from deeplight.transfer.file import write
+from deeplight.transfer.ground import Ground
+from deeplight.transfer.precompute import Settings, precompute
 
 
 def run_transfer(args: Args) -> None:

@@ -1,58 +1,59 @@
-"""Film the three reference spheres in HDR panoramas with a simulated phone.
+"""Film the three reference spheres in HDR panoramas with a simulated phone: a data set.
 
 deeplight simulate --hdri my_panoramas --out data/sim
 
-Makes a data set to train on (--recipe.*). With --video: clips as a phone records them, for
-`deeplight capture`, with what is true of them (--film.*). With --light-stage: photographs of the
-spheres under single lights, for `deeplight reflectance` (--stage.*), without panoramas. With
---rooms N or --skies N: made-up panoramas to film in (--worlds.*). Any folder of .hdr or .exr
-panoramas works; a manifest.csv in it (file, split, place, scene, licence, synthetic_ground)
-decides splits by place. Killed and run again, all go on where they were.
+Any folder of .hdr or .exr panoramas works; a manifest.csv in it (file, split, place, scene,
+licence, synthetic_ground) decides splits by place. Killed and run again, it goes on where it was.
 """
 
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from deeplight.simulate.film.recipe import FilmRecipe
-from deeplight.simulate.light_stage import LightStage
 from deeplight.simulate.run import Recipe
-from deeplight.simulate.worlds.settings import Worlds
 
 
 @dataclass(frozen=True)
 class Args:
     """Settings of `deeplight simulate`."""
 
+    hdri: Path
+    """Folder of HDR panoramas."""
     out: Path
     """Folder of the result; an unfinished one with the same settings is continued."""
-    hdri: Path | None = None
-    """Folder of HDR panoramas; a light stage needs none."""
     recipe: Recipe = field(default_factory=Recipe)
     """What a data set holds."""
     workers: int = 0
-    """Jobs at once for a data set; 0 is one per core."""
+    """Jobs at once; 0 is one per core."""
     engine: Literal["local", "ray"] = "local"
     """Processes of this machine, or a Ray cluster that shares the folders."""
     ray_address: str | None = None
     """Of an existing Ray cluster, or auto; left out, one is started here."""
-    video: bool = False
-    """Make video clips with their ground truth instead of a data set."""
-    film: FilmRecipe = field(default_factory=FilmRecipe)
-    """What the clips are, with --video."""
-    light_stage: bool = False
-    """Photograph spheres in a virtual light stage instead."""
-    stage: LightStage = field(default_factory=LightStage)
-    """What the stage is, with --light-stage."""
-    rooms: int = 0
-    """Make so many rooms to film in instead of a data set."""
-    skies: int = 0
-    """The same for open ground under physical skies."""
-    worlds: Worlds = field(default_factory=Worlds)
-    """How these are made."""
 
 
 def run(args: Args) -> None:
-    from deeplight.cli.simulate_modes import make
+    """Film a data set and its contact sheet."""
+    from rich.markup import escape
 
-    make(args)
+    from deeplight.cli.screen import progress_bar, results_console
+    from deeplight.dataset import open_dataset
+    from deeplight.dataset.contact_sheet import write_contact_sheet
+    from deeplight.jobs import Engine
+    from deeplight.simulate.run import plan, simulate
+
+    shards, simulation = plan(args.hdri, args.out, args.recipe)
+    missing = sum(job.count for job in shards.missing())
+    engine = Engine(args.engine, args.workers, args.ray_address)
+    start = time.perf_counter()
+    with progress_bar("filming", missing) as advance:
+        manifest = simulate(shards, simulation, engine, advance)
+    seconds = time.perf_counter() - start
+    sheet = write_contact_sheet(open_dataset(args.out), args.out / "contact_sheet.png")
+    console = results_console()
+    for split in manifest.splits:
+        places = len(manifest.places(split))
+        console.print(f"{split}: {manifest.examples(split)} in {places} places")
+    for item in manifest.skipped:
+        console.print(escape(f"skipped {item.file}: {item.reason}"), style="yellow")
+    console.print(f"{missing / seconds:.0f} images/s; look at {sheet}")

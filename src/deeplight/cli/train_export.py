@@ -19,7 +19,7 @@ def finish(run_dir: Path, data: str, path: Path | None) -> None:
 
 def export_run(run_dir: Path, path: Path, data: str = "", float16: bool = True) -> None:
     """Write the best weights of a run as an ONNX file with its contract."""
-    from deeplight.export.onnx import export_onnx
+    from deeplight.deploy.onnx import export_onnx
     from deeplight.training.release import contract_of, load_best
 
     generator, header = load_best(run_dir)

@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 
 from deeplight.dataset.example import Example
 from deeplight.dataset.reading import DataSet, SplitIndex
-from deeplight.io.image import write_png
+from deeplight.io.photos import write_png
 from deeplight.sphere import SPHERES
 
 Picture = UInt8[np.ndarray, "_ _ 3"]  # any height and width

@@ -116,6 +116,18 @@ class Example:
         if self.true_lighting is not None:
             object.__setattr__(self, "true_lighting", self._checked_lighting(self.true_lighting))
 
+    @property
+    def known_lighting(self) -> Float32[np.ndarray, "light light 3"]:
+        """The true lighting, where there must be one.
+
+        Raises:
+            DataSetError: this example has none.
+        """
+        if self.true_lighting is None:
+            got = f"example {self.key} without it"
+            raise DataSetError("true lighting", got, "use an evaluation split of simulated takes")
+        return self.true_lighting
+
     def _checked_lighting(
         self, radiance: Float32[np.ndarray, "light light 3"]
     ) -> Float32[np.ndarray, "light light 3"]:

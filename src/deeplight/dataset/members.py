@@ -8,7 +8,7 @@ import numpy as np
 
 from deeplight.dataset.example import Example, ExampleMeta
 from deeplight.errors import DataSetError, InputError
-from deeplight.io.image import decode_rgb, encode_jpeg, encode_png
+from deeplight.io.photos import decode_rgb, encode_jpeg, encode_png
 from deeplight.sphere import SPHERES
 
 BACKGROUND = "background.jpg"

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from deeplight.errors import ConfigError
-from deeplight.estimate.onnx_estimator import shipped_model
+from deeplight.estimators.onnx import shipped_model
 from deeplight.io.atomic import replacing, results_folder
 
 MODEL = "model/deeplight.onnx"

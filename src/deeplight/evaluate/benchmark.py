@@ -21,9 +21,9 @@ import numpy as np
 
 from deeplight.dataset import DataSet, Manifest, open_dataset
 from deeplight.dataset.manifest import MANIFEST
-from deeplight.engine import Engine
 from deeplight.errors import ConfigError, DataSetError
-from deeplight.io.hdr import read_hdr
+from deeplight.io.radiance import read_hdr
+from deeplight.jobs import Engine
 from deeplight.simulate.run import Recipe, plan, simulate
 
 RECIPES = {

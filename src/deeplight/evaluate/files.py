@@ -16,9 +16,9 @@ from deeplight.evaluate.report import Pictures, drawn, report_page
 from deeplight.evaluate.result import SplitResult
 from deeplight.evaluate.scores import Report
 from deeplight.io.atomic import replacing
-from deeplight.io.image import write_png
-from deeplight.io.page import Page
-from deeplight.io.run_record import write_run_toml
+from deeplight.io.photos import write_png
+from deeplight.report.page import Page
+from deeplight.report.run_record import write_run_toml
 
 VERSION = 2  # of results.json: 1 had one split and no medians
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
-from deeplight import mirror_ball
 from deeplight.camera_response import LUMINANCE
 from deeplight.harmonics import dominant_light
 from deeplight.lighting import Lighting
+from deeplight.mappings import mirror_ball
 
 LEAST_SHARE = 0.01
 """Light that holds less of the scene's power stands out of nothing: it has no direction."""

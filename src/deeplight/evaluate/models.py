@@ -10,9 +10,9 @@ from jaxtyping import Float32
 from deeplight.camera import BACKGROUND_FRACTION, TRAINED_VERTICAL_FOV_RAD
 from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError, ModelError
-from deeplight.estimate.estimator import PhotoLike
-from deeplight.estimate.network import NetworkEstimator
-from deeplight.estimate.open import open_model
+from deeplight.estimators.network import NetworkEstimator
+from deeplight.estimators.open import open_model
+from deeplight.estimators.protocol import PhotoLike
 from deeplight.lighting import Lighting
 from deeplight.preprocess import frame_photo, network_input
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32
 
-from deeplight import resample
 from deeplight.errors import ConfigError, DataSetError
 from deeplight.evaluate.scores import LogRadiance
 from deeplight.frames import world_from_camera
-from deeplight.io.hdr import read_hdr
+from deeplight.io.radiance import read_hdr
 from deeplight.lighting import LIGHTING_SIZE, Lighting
+from deeplight.mappings import resample
 
 SUFFIXES = (".exr", ".hdr")
 ELEVATIONS = "elevations.csv"

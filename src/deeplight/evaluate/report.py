@@ -13,7 +13,7 @@ from deeplight.evaluate.figures.percentiles import percentile_figure, worst_figu
 from deeplight.evaluate.figures.temporal import temporal_figure
 from deeplight.evaluate.result import SplitResult
 from deeplight.evaluate.scores import TRUE_LIGHTING
-from deeplight.io.page import Block, Figure, Heading, Page, Paragraph, Row, Table
+from deeplight.report.page import Block, Figure, Heading, Page, Paragraph, Row, Table
 
 MOST_COLUMNS = 10  # of spheres that fit beside each other
 SCENES = ("indoor", "outdoor")

@@ -9,8 +9,8 @@ from deeplight.evaluate.protocols.stylelight_2022 import summed_up
 from deeplight.evaluate.result import SplitResult
 from deeplight.evaluate.scores import TRUE_LIGHTING
 from deeplight.evaluate.summary import SCENES, Interval, Summary
-from deeplight.io.chart import Chart, Curve
-from deeplight.io.page import Block, Paragraph, Table
+from deeplight.report.chart import Chart, Curve
+from deeplight.report.page import Block, Paragraph, Table
 from deeplight.sphere import SPHERES
 
 MEASURES = {

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int64, Shaped
 
-from deeplight import mirror_ball
 from deeplight.evaluate.bootstrap import RESAMPLES, Interval, PlaceBootstrap
 from deeplight.evaluate.scores import TRUE_LIGHTING, Report
 from deeplight.frames import Rotation, turned
+from deeplight.mappings import mirror_ball
 
 DARKEST_STOPS = -13.0  # radiance 1e-4: black has no logarithm
 

@@ -13,8 +13,8 @@ from jaxtyping import Float, Float32
 from deeplight.errors import ImageFileError, InputError
 from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, project
 from deeplight.io.atomic import replacing
-from deeplight.io.hdr import read_hdr, write_exr, write_hdr
 from deeplight.io.image_file import opened
+from deeplight.io.radiance import read_hdr, write_exr, write_hdr
 from deeplight.lighting import Lighting
 
 FORMAT = "deeplight lighting"

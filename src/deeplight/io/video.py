@@ -15,8 +15,8 @@ from jaxtyping import UInt8, UInt16
 from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io import video_colour
-from deeplight.io.image import MIN_SIDE, Photo
 from deeplight.io.image_file import check_size, damaged, first_bytes
+from deeplight.io.photos import MIN_SIDE, Photo
 
 if TYPE_CHECKING:
     import av

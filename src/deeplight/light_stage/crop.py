@@ -6,10 +6,10 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from deeplight import mirror_ball
 from deeplight.camera import PinholeCamera
 from deeplight.frames import turned
 from deeplight.light_stage.outline import Outline
+from deeplight.mappings import mirror_ball
 
 _EDGE_PX = 1.5  # the lens mixes what is behind the sphere into its edge
 

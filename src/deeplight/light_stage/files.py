@@ -5,8 +5,8 @@ from pathlib import Path
 
 from deeplight.errors import ConfigError
 from deeplight.io.basis_file import save_bases
-from deeplight.io.image import write_png
 from deeplight.io.light_stage_file import write_json
+from deeplight.io.photos import write_png
 from deeplight.light_stage.measure import Measured, MeasureSettings
 from deeplight.light_stage.picture import basis_picture
 

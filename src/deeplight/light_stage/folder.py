@@ -9,7 +9,6 @@ from jaxtyping import Float32
 
 from deeplight.camera import PinholeCamera
 from deeplight.errors import DataSetError, ImageFileError
-from deeplight.io.image import read_photo
 from deeplight.io.light_stage_file import (
     LIGHTS_CSV,
     LIGHTS_JSON,
@@ -19,6 +18,7 @@ from deeplight.io.light_stage_file import (
     read_lights,
 )
 from deeplight.io.photograph import PHOTOGRAPH_SUFFIXES, read_photograph
+from deeplight.io.photos import read_photo
 
 MIRROR = "mirror"
 DARK, OUTLINE = "dark", "outline"

@@ -11,7 +11,7 @@ themselves, which is our choice: see docs/reflectance.md for what it is worth.
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import mirror_ball
+from deeplight.mappings import mirror_ball
 
 EXPONENT = 64  # section 3.3
 SUPERSAMPLE = 4  # section 3.3: a 4 x 4 grid of directions

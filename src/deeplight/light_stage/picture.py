@@ -5,11 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from deeplight import brdf, mirror_ball
+from deeplight import brdf
 from deeplight.camera_response import CameraResponse
 from deeplight.dataset.contact_sheet import column, enlarged, label, row
 from deeplight.frames import turned
 from deeplight.lighting import Lighting
+from deeplight.mappings import mirror_ball
 from deeplight.reflectance import ReflectanceBasis, analytic_basis
 from deeplight.relight import relight
 

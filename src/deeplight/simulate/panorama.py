@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from deeplight import latlong, resample
 from deeplight.dataset.example import SCENES
 from deeplight.errors import DataSetError, ImageFileError
-from deeplight.io.hdr import read_hdr
-from deeplight.io.table import read_table
+from deeplight.io.radiance import read_hdr
+from deeplight.mappings import latlong, resample
+from deeplight.report.table import read_table
 
 MANIFEST = "manifest.csv"
 SUFFIXES = (".exr", ".hdr")

@@ -19,8 +19,8 @@ from deeplight.dataset import (
     Skipped,
     plan_split,
 )
-from deeplight.engine import LOCAL, Engine, run
 from deeplight.errors import ConfigError, DataSetError, InputError
+from deeplight.jobs import LOCAL, Engine, run
 from deeplight.simulate import panorama
 from deeplight.simulate.panorama import Place
 from deeplight.simulate.phone import PHONES

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from deeplight import mirror_ball, resample
 from deeplight.camera import (
     BACKGROUND_FRACTION,
     BACKGROUND_HEIGHT,
@@ -15,8 +14,9 @@ from deeplight.camera import (
     PinholeCamera,
 )
 from deeplight.frames import Rotation, turned, world_from_camera
-from deeplight.io.image import decode_rgb, encode_jpeg
+from deeplight.io.photos import decode_rgb, encode_jpeg
 from deeplight.lighting import LIGHTING_SIZE, Lighting
+from deeplight.mappings import mirror_ball, resample
 from deeplight.reflectance import analytic_basis
 from deeplight.relight import relight
 from deeplight.simulate.phone import (

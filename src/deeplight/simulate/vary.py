@@ -7,8 +7,8 @@ and light of a take all come from the same made panorama, so they agree as in a 
 import numpy as np
 from jaxtyping import Float, Float32
 
-from deeplight import latlong, resample
 from deeplight.camera_response import LUMINANCE
+from deeplight.mappings import latlong, resample
 
 Panorama = Float[np.ndarray, "height width 3"]
 

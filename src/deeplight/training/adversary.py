@@ -10,13 +10,13 @@ from deeplight.training import checkpoint
 from deeplight.training.augment import Inputs
 from deeplight.training.config import TrainConfig
 from deeplight.training.devices import Share, over_all_devices
-from deeplight.training.discriminator import (
+from deeplight.training.losses import LossTerms, RigBases
+from deeplight.training.network.discriminator import (
     Discriminator,
     discriminator_loss,
     generator_term,
     mirror_pictures,
 )
-from deeplight.training.losses import LossTerms, RigBases
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric

@@ -8,11 +8,11 @@ from typing import Any, Literal
 
 from deeplight.errors import ConfigError
 from deeplight.training.augment import AugmentConfig
-from deeplight.training.batches import DataConfig
-from deeplight.training.discriminator import AdversarialConfig
+from deeplight.training.data import DataConfig
 from deeplight.training.distil import DistilConfig
-from deeplight.training.generator import NetworkConfig
 from deeplight.training.losses import LossConfig
+from deeplight.training.network.discriminator import AdversarialConfig
+from deeplight.training.network.generator import NetworkConfig
 from deeplight.training.optimiser import OptimiserConfig, ScheduleConfig
 
 

@@ -10,8 +10,8 @@ from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
 from deeplight.lighting import Lighting
-from deeplight.training.generator import START_RADIANCE
 from deeplight.training.losses import LossConfig, RigBases, masked_norm, pixels_of, target_pixels
+from deeplight.training.network.generator import START_RADIANCE
 
 LEARNING_RATE = 0.05
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from deeplight.mirror_ball import coverage
+from deeplight.mappings.mirror_ball import coverage
 
 
 @dataclass(frozen=True)

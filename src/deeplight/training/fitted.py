@@ -14,11 +14,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from deeplight import mirror_ball
 from deeplight.io.atomic import replacing
-from deeplight.training.batches import Batch, take
-from deeplight.training.generator import START_RADIANCE
+from deeplight.mappings import mirror_ball
+from deeplight.training.data import Batch, take
 from deeplight.training.losses import LossConfig, RigBases, reconstruction_terms
+from deeplight.training.network.generator import START_RADIANCE
 
 STEPS = 200
 LEARNING_RATE = 0.15

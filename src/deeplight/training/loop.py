@@ -16,26 +16,20 @@ from torch import Tensor, nn
 
 from deeplight.errors import ConfigError
 from deeplight.io.atomic import replacing
-from deeplight.io.run_record import write_run_toml
+from deeplight.report.run_record import write_run_toml
 from deeplight.sphere import SPHERES
 from deeplight.training import checkpoint, devices
 from deeplight.training.adversary import Adversary
 from deeplight.training.augment import Inputs, augment, prepare, turn_back
-from deeplight.training.batches import (
-    Batch,
-    BatchSource,
-    ExampleBytes,
-    Order,
-    refuse_other_size,
-)
 from deeplight.training.checkpoint import BEST
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
+from deeplight.training.data import Batch, BatchSource, ExampleBytes, Order, refuse_other_size
 from deeplight.training.devices import ALONE, Share
 from deeplight.training.fitted import fit_all, principal_components
-from deeplight.training.generator import Generator, Mixture
-from deeplight.training.imagenet import load_imagenet
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
+from deeplight.training.network.generator import Generator, Mixture
+from deeplight.training.network.imagenet import load_imagenet
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
 from deeplight.training.record import RunRecord, Window
 from deeplight.training.sources import Sources

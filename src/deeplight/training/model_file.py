@@ -11,8 +11,8 @@ from deeplight.contract import CONTRACT_KEY, ModelContract
 from deeplight.errors import ModelError
 from deeplight.training import checkpoint
 from deeplight.training.checkpoint import BEST
-from deeplight.training.generator import Generator, NetworkConfig, fold_batch_norm
-from deeplight.training.mobilenet_v2 import STAGES, STEM_CHANNELS, scaled
+from deeplight.training.network.generator import Generator, NetworkConfig, fold_batch_norm
+from deeplight.training.network.mobilenet_v2 import STAGES, STEM_CHANNELS, scaled
 from deeplight.training.release import contract_of, settings_of
 
 _STEM = "encoder.features.0.conv.weight"

@@ -7,7 +7,7 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
-from deeplight.training.generator import Generator
+from deeplight.training.network.generator import Generator
 
 
 @dataclass(frozen=True)

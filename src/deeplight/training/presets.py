@@ -10,11 +10,11 @@ from typing import Any
 from deeplight.errors import ConfigError
 from deeplight.sphere import SPHERES
 from deeplight.training.augment import AugmentConfig
-from deeplight.training.batches import DataConfig
 from deeplight.training.config import RunConfig, TrainConfig, changed, parse
-from deeplight.training.discriminator import AdversarialConfig
-from deeplight.training.generator import NetworkConfig
+from deeplight.training.data import DataConfig
 from deeplight.training.losses import LossConfig
+from deeplight.training.network.discriminator import AdversarialConfig
+from deeplight.training.network.generator import NetworkConfig
 from deeplight.training.optimiser import OptimiserConfig, ScheduleConfig
 
 PAPER = TrainConfig(adversarial=AdversarialConfig(enabled=True))

@@ -8,7 +8,7 @@ from deeplight.errors import ModelError
 from deeplight.training import checkpoint
 from deeplight.training.checkpoint import BEST
 from deeplight.training.config import TrainConfig, changed, flatten
-from deeplight.training.generator import Generator, fold_batch_norm
+from deeplight.training.network.generator import Generator, fold_batch_norm
 
 
 def load_best(run_dir: Path) -> tuple[Generator, checkpoint.Header]:

@@ -18,9 +18,14 @@ from torch.nn import functional
 
 from deeplight.errors import ConfigError
 from deeplight.training.distil import lit_share, resized
-from deeplight.training.generator import Generator, NetworkConfig
-from deeplight.training.imagenet import named_convolutions, output_moments
-from deeplight.training.mobilenet_v2 import STAGES, ConvNorm, InvertedResidual, MobileNetV2Encoder
+from deeplight.training.network.generator import Generator, NetworkConfig
+from deeplight.training.network.imagenet import named_convolutions, output_moments
+from deeplight.training.network.mobilenet_v2 import (
+    STAGES,
+    ConvNorm,
+    InvertedResidual,
+    MobileNetV2Encoder,
+)
 
 RIDGE = 1e-3
 """Added to the variance of each input of a fit, as a share of their mean."""

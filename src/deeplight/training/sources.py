@@ -10,7 +10,7 @@ import numpy as np
 from deeplight.dataset import GROUPS, Chosen, SplitIndex, open_dataset
 from deeplight.errors import DataSetError
 from deeplight.sphere import Rig
-from deeplight.training.batches import DataConfig
+from deeplight.training.data import DataConfig
 
 
 class Sources:

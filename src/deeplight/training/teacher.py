@@ -13,9 +13,9 @@ from deeplight.errors import ModelError
 from deeplight.training.augment import Inputs, turn_back
 from deeplight.training.config import TrainConfig
 from deeplight.training.distil import lit_l1, resized
-from deeplight.training.generator import PHOTO_SIZE, Generator
 from deeplight.training.losses import LossTerms
 from deeplight.training.model_file import load_network
+from deeplight.training.network.generator import PHOTO_SIZE, Generator
 from deeplight.training.slim import start_from
 
 

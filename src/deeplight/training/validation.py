@@ -11,7 +11,7 @@ from torch.utils.data import Subset
 
 from deeplight.sphere import SPHERES
 from deeplight.training.augment import Inputs, prepare
-from deeplight.training.batches import Batch, ExampleBytes, preload, take, to_device
+from deeplight.training.data import Batch, ExampleBytes, preload, take, to_device
 from deeplight.training.losses import RigBases, masked_l1
 
 BATCH_SIZE = 64

@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float32, Int
 
-from deeplight import mirror_ball
 from deeplight.camera_response import decode
 from deeplight.evaluate.baselines.baseline import DARKEST, Baseline
 from deeplight.lighting import LIGHTING_SIZE
+from deeplight.mappings import mirror_ball
 
 _SAMPLES = 4  # along each side of a pixel of the ball
 

@@ -12,8 +12,8 @@ from deeplight.dataset import DataSet, SplitIndex
 from deeplight.evaluate.baselines.baseline import DARKEST, Baseline
 from deeplight.evaluate.baselines.mean_spheres import seen_in_mirror
 from deeplight.lighting import LIGHTING_SIZE
+from deeplight.mappings.resample import shrink
 from deeplight.reflectance import ReflectanceBasis, rig_bases
-from deeplight.resample import shrink
 from deeplight.sphere import SPHERES
 
 NAME = "nearest_neighbour"

@@ -19,11 +19,11 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Float64
 
-from deeplight import latlong, mirror_ball
 from deeplight.brdf import lambertian, rough_specular
 from deeplight.camera_response import LUMINANCE
 from deeplight.evaluate.scores import TRUE_LIGHTING, Column, Report
 from deeplight.frames import looking_at
+from deeplight.mappings import latlong, mirror_ball
 from deeplight.sphere import SPHERES, SphereView
 
 GAMMA, MEDIAN = 2.4, 0.5

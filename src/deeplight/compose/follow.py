@@ -1,0 +1,108 @@
+"""An object that stays where it stands while the camera turns: for videos.
+
+The camera is taken to turn about one point: that is what a hand mostly does. The surface around
+the object is followed from frame to frame, and the camera turned so that the object's place
+appears there. The light, estimated in each frame, is smoothed in the world, not in the camera.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight.compose.ground import Viewpoint
+from deeplight.frames import rotation
+from deeplight.lighting import Lighting
+
+NEW_SHARE = 0.25  # of a frame's own estimate in the smoothed light
+_TRACKED_WIDTH = 240  # pixels; frames are averaged down to about it
+_WINDOW = 0.6  # side of the followed patch, of the frame's shorter side
+_REKEY = 0.2  # a patch that has moved by this part of itself is taken anew
+_DARKEST = 1e-4
+
+
+class Follower:
+    """Follows one place of the first frame through a video."""
+
+    def __init__(self, luma: Float[np.ndarray, "height width"], x: float, y: float) -> None:
+        self._step = max(1, round(luma.shape[1] / _TRACKED_WIDTH))
+        self._key = self._small(luma)
+        self._side = max(16, int(_WINDOW * min(self._key.shape)) // 2 * 2)
+        self._at_key = self._at = np.array([x, y]) / self._step
+
+    def update(self, luma: Float[np.ndarray, "height width"]) -> tuple[float, float]:
+        """Where the place is in the next frame: (x, y) in pixels."""
+        small = self._small(luma)
+        for _ in range(2):  # once more from where it was found, for the rest
+            moved = _shift(self._patch(self._key, self._at_key), self._patch(small, self._at))
+            offset = np.round(self._at) - np.round(self._at_key)
+            self._at = self._at_key + offset + moved
+        if np.abs(self._at - self._at_key).max() > _REKEY * self._side:
+            self._key, self._at_key = small, self._at
+        x, y = self._at * self._step
+        return float(x), float(y)
+
+    def _small(self, luma: Float[np.ndarray, "height width"]) -> Float[np.ndarray, "rows columns"]:
+        n = self._step
+        height, width = (size // n for size in luma.shape)
+        blocks = luma[: height * n, : width * n].astype(np.float32).reshape(height, n, width, n)
+        small: np.ndarray = blocks.mean((1, 3))
+        return small
+
+    def _patch(
+        self, frame: Float[np.ndarray, "rows columns"], at: Float[np.ndarray, "2"]
+    ) -> Float[np.ndarray, "side side"]:
+        """The square around a place; beyond the frame its edge goes on."""
+        x, y = np.round(at).astype(int)
+        reach = np.arange(self._side) - self._side // 2
+        rows = np.clip(y + reach, 0, frame.shape[0] - 1)
+        columns = np.clip(x + reach, 0, frame.shape[1] - 1)
+        return frame[np.ix_(rows, columns)]
+
+
+def turned_to(viewpoint: Viewpoint, point: Float[np.ndarray, "3"], x: float, y: float) -> Viewpoint:
+    """The camera turned, roll kept, so that a point of the world appears at pixel (x, y)."""
+    wanted = point - [0, viewpoint.height_m, 0]
+    wanted = wanted / np.linalg.norm(wanted)
+    seen = replace(viewpoint, pitch_rad=0.0, yaw_rad=0.0).ray(x, y)  # roll is in it
+    length = np.hypot(seen[1], seen[2])
+    half = np.arccos(np.clip(wanted[1] / length, -1, 1))
+    start = np.arctan2(seen[2], seen[1])
+    turns = (np.array([half, -half]) - start + np.pi) % (2 * np.pi) - np.pi
+    pitch = float(turns[np.abs(turns - viewpoint.pitch_rad).argmin()])
+    raised = rotation("x", pitch) @ seen
+    # The angle about +Y from one to the other, as seen from above.
+    across = wanted[0] * raised[2] - wanted[2] * raised[0]
+    along = wanted[0] * raised[0] + wanted[2] * raised[2]
+    return replace(viewpoint, pitch_rad=pitch, yaw_rad=float(np.arctan2(across, along)))
+
+
+def smoothed(
+    before: Lighting, at: Viewpoint, light: Lighting, now: Viewpoint, share: float = NEW_SHARE
+) -> Lighting:
+    """The last frame's light, turned into this camera, and this frame's: mean of ln radiance."""
+    old = before.rotated(now.world_from_camera.T @ at.world_from_camera).radiance
+    logs = (np.log(np.maximum(radiance, _DARKEST)) for radiance in (old, light.radiance))
+    old_log, new_log = logs
+    return Lighting.from_log_radiance((1 - share) * old_log + share * new_log)
+
+
+def _shift(
+    key: Float[np.ndarray, "side side"], other: Float[np.ndarray, "side side"]
+) -> Float[np.ndarray, "2"]:
+    """By how much (x, y) the second patch shows the first one moved: phase correlation."""
+    window = np.hanning(len(key) + 2)[1:-1]
+    flat = window[:, None] * window
+    first, second = (np.fft.rfft2((p - p.mean()) * flat) for p in (key, other))
+    cross = second * np.conj(first)
+    # Between plain and phase correlation: noise, which has all frequencies alike, counts less.
+    peak = np.fft.irfft2(cross / np.maximum(np.abs(cross), 1e-9) ** 0.75, s=key.shape)
+    size = len(key)
+    row, column = np.unravel_index(peak.argmax(), peak.shape)
+    parts = []
+    for at, line in ((column, peak[row, :]), (row, peak[:, column])):
+        low, middle, high = line[at - 1], line[at], line[(at + 1) % size]
+        bend = low - 2 * middle + high
+        fine = 0.0 if bend >= 0 else 0.5 * (low - high) / bend
+        parts.append((at + fine + size / 2) % size - size / 2)
+    return np.array(parts)

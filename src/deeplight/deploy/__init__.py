@@ -1,0 +1,1 @@
+"""A trained network made ready to run: ONNX, TFLite, fewer bits, its size and its speed."""

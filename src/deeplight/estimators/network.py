@@ -1,0 +1,167 @@
+"""A network as an estimator, whatever runs it: photo in, framing, light and notes out."""
+
+import hashlib
+import os
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import degrees, radians
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float32
+
+from deeplight.contract import ModelContract
+from deeplight.errors import ModelError
+from deeplight.estimators.protocol import PhotoLike, as_photo
+from deeplight.io.photos import Photo
+from deeplight.lighting import Lighting
+from deeplight.preprocess import Framing, frame_photo, network_input
+
+MAX_THREADS = 4
+"""More threads than this make so small a network slower, not faster."""
+
+WHOLE_VIEW = 0.995
+"""From this visible fraction on the photo counts as showing the whole trained view."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One photo's light and how it came about.
+
+    Attributes:
+        lighting: the result, in the photo's camera frame.
+        photo: what was read.
+        framing: the part of the photo the network saw.
+        notes: what the user should know, one line each; the photo's own notes come first.
+        seconds: time spent on "read", "prepare" and "network".
+    """
+
+    lighting: Lighting
+    photo: Photo
+    framing: Framing
+    notes: tuple[str, ...]
+    seconds: Mapping[str, float]
+
+
+class NetworkEstimator(ABC):
+    """What every runtime's estimator does alike.
+
+    Attributes:
+        path: the model's file.
+        contract: what it says of itself.
+    """
+
+    path: Path
+    contract: ModelContract
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return "deeplight"
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the model file, written beside every result."""
+        return hashlib.sha256(self.path.read_bytes()).hexdigest()
+
+    def estimate(self, photo: PhotoLike, fov_deg: float | None = None) -> Lighting:
+        """Estimate the light of one photo; see `deeplight.estimate`."""
+        return self.explain(photo, fov_deg).lighting
+
+    def explain(self, photo: PhotoLike, fov_deg: float | None = None) -> Estimate:
+        """Estimate the light of one photo and tell how: framing, notes, times.
+
+        Raises:
+            InputError: the photo or the field of view cannot be used.
+            OSError: the file cannot be read.
+        """
+        started = time.perf_counter()
+        opened = as_photo(photo)
+        read = time.perf_counter()
+        framing = self.frame(opened, fov_deg)
+        inputs = network_input(opened.pixels, framing)[None]
+        prepared = time.perf_counter()
+        log_radiance = self.estimate_inputs(inputs)[0]
+        done = time.perf_counter()
+        seconds = {"read": read - started, "prepare": prepared - read, "network": done - prepared}
+        lighting = Lighting.from_log_radiance(log_radiance)
+        return Estimate(lighting, opened, framing, opened.notes + _notes(framing), seconds)
+
+    def frame(self, photo: Photo, fov_deg: float | None = None) -> Framing:
+        """Find the trained view in a photo: a given field of view wins over the EXIF data's."""
+        height, width, _ = photo.pixels.shape
+        if fov_deg is not None:
+            return frame_photo(height, width, radians(fov_deg), "given", self.contract)
+        return frame_photo(height, width, photo.vertical_fov_rad, "exif", self.contract)
+
+    def estimate_inputs(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> Float32[np.ndarray, "batch size size 3"]:
+        """Give ln radiance for pictures already brought to the trained view and to [-0.5, 0.5].
+
+        Raises:
+            ModelError: the network gives NaN or more radiance than a float holds.
+        """
+        output = self.run(np.ascontiguousarray(inputs, np.float32))
+        log_radiance: np.ndarray = output.transpose(0, 2, 3, 1)
+        if not np.all(log_radiance < np.log(np.finfo(np.float32).max)):  # false for nan as well
+            got = f"{self.path} that gives NaN or infinite light"
+            raise ModelError("a trained model", got, "use another model file")
+        return log_radiance
+
+    @abstractmethod
+    def run(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> Float32[np.ndarray, "batch 3 size size"]:
+        """The bare network."""
+
+
+def content_of(path: Path) -> bytes:
+    """The bytes of a model file.
+
+    Raises:
+        ModelError: there is none, or it cannot be read.
+    """
+    if not path.is_file():
+        got = f"{path}, which is a folder" if path.is_dir() else f"no file {path}"
+        raise ModelError("a model file", got, "give the path of a .onnx or .tflite file")
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        got = f"{path}: {error.strerror}"
+        raise ModelError("a readable model file", got, "check it") from error
+
+
+def refuse_other_sizes(
+    contract: ModelContract, inputs: Mapping[str, object], outputs: Mapping[str, object], path: Path
+) -> None:
+    """Check that a network keeps its contract: names, and sizes without the batch.
+
+    Raises:
+        ModelError: it does not.
+    """
+    size = contract.output_size
+    keeps_input = inputs == {contract.input_name: [3, contract.height, contract.width]}
+    if not keeps_input or outputs.get(contract.output_name) != [3, size, size]:
+        got = f"{path} with inputs {inputs} and outputs {outputs}"
+        raise ModelError("a model that keeps its own contract", got, "export it again")
+
+
+def cores() -> int:
+    """Cores this process may use, which in a container are often fewer than the machine has."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _notes(framing: Framing) -> tuple[str, ...]:
+    """Say in plain words what the photo's field of view costs."""
+    notes = []
+    if framing.fov_source == "assumed":
+        fov = degrees(framing.vertical_fov_rad)
+        notes.append(f"field of view unknown, assumed {fov:.0f} degrees vertically: give --fov")
+    if framing.visible_fraction < WHOLE_VIEW:
+        seen = f"{framing.visible_fraction:.0%} of the view the network was trained on"
+        notes.append(f"the photo shows {seen}; its edges fill the rest, which costs accuracy")
+    return tuple(notes)

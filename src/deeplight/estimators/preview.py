@@ -1,0 +1,153 @@
+"""One picture to look at: the photo, the light found in it, and the three spheres in that light."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from PIL import Image, ImageDraw, ImageFont
+
+from deeplight.camera_response import CameraResponse
+from deeplight.estimators.network import Estimate
+from deeplight.harmonics import dominant_light
+from deeplight.io.photos import Photo
+from deeplight.mappings.latlong import position
+from deeplight.preprocess import Framing
+from deeplight.relight import relight_rig
+from deeplight.sphere import PAPER_RIG, SPHERES
+
+WIDTH, HEIGHT, MARGIN = 1280, 704, 32
+PHOTO_BOX = (448, 592)  # width, height
+LIGHT_SIZE = (736, 368)  # of the environment
+DIM_SIZE = (296, 148)  # of the same, darker
+SPHERE = 132  # pixels across
+DARK_STOPS = -5.0
+"""Exposure of the second environment: what is still bright there is a light source."""
+FAINT_SHARE = 0.02
+"""A main light with less of the power than this is none, and not marked."""
+
+PAPER, INK, FAINT, ACCENT = (20, 22, 26), (236, 238, 242), (146, 152, 162), (255, 196, 61)
+NAMES = {"mirror": "mirror", "matte_silver": "matte silver", "diffuse": "diffuse"}
+
+
+def preview(
+    estimate: Estimate, latlong: Float[np.ndarray, "h w 3"], title: str
+) -> UInt8[np.ndarray, "704 1280 3"]:
+    """Draw the preview of one estimate.
+
+    Args:
+        estimate: what to show.
+        latlong: its environment, centre column = the view.
+        title: usually the photo's file name.
+    """
+    canvas = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
+    draw = ImageDraw.Draw(canvas)
+    left = 2 * MARGIN + PHOTO_BOX[0]
+    draw.text((MARGIN, 24), _shortened(title, 40), INK, _font(22))
+    _draw_photo(canvas, estimate.photo, estimate.framing)
+    draw.text((left, 24), "estimated light", INK, _font(22))
+    caption = "as the camera exposed it; centre = the view"
+    draw.text((WIDTH - MARGIN, 28), caption, FAINT, _font(16), anchor="ra")
+    canvas.paste(_tone_mapped(latlong, 0.0, LIGHT_SIZE), (left, 64))
+    _mark_dominant(draw, estimate, (left, 64))
+    below = 64 + LIGHT_SIZE[1] + 34
+    canvas.paste(_tone_mapped(latlong, DARK_STOPS, DIM_SIZE), (left, below))
+    draw.text((left, below + DIM_SIZE[1] + 8), f"{-DARK_STOPS:.0f} stops darker", FAINT, _font(16))
+    _draw_spheres(canvas, relight_rig(PAPER_RIG, estimate.lighting), left + DIM_SIZE[0], below)
+    return np.asarray(canvas)
+
+
+def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> None:
+    """Draw the photo with what the network saw outlined and the rest dimmed."""
+    height, width, _ = photo.pixels.shape
+    scale = min(PHOTO_BOX[0] / width, PHOTO_BOX[1] / height)
+    step = max(1, int(0.5 / scale))  # a dozen megapixels need not all be copied
+    small = Image.fromarray(np.ascontiguousarray(photo.pixels[::step, ::step]))
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    small = small.resize(size, Image.Resampling.LANCZOS)
+    box = [framing.left * scale, framing.top * scale, framing.right * scale, framing.bottom * scale]
+    box = [min(max(value, 0), limit) for value, limit in zip(box, size * 2, strict=True)]
+    dimmed = Image.blend(small, Image.new("RGB", size, PAPER), 0.55)
+    x0, y0, x1, y1 = (round(value) for value in box)
+    dimmed.paste(small.crop((x0, y0, x1, y1)), (x0, y0))
+    left = MARGIN + (PHOTO_BOX[0] - size[0]) // 2
+    canvas.paste(dimmed, (left, 64))
+    draw = ImageDraw.Draw(canvas)
+    # Of a very narrow photo, or at a huge field of view, less than a pixel may be left.
+    corner = (left + max(x1 - 1, x0), 64 + max(y1 - 1, y0))
+    draw.rectangle((left + x0, 64 + y0, *corner), outline=ACCENT, width=2)
+    caption = "outlined: what the network saw"
+    if framing.visible_fraction < 1:
+        caption += f" ({framing.visible_fraction:.0%} of its view)"
+    draw.text((MARGIN, 64 + size[1] + 12), caption, FAINT, _font(16))
+
+
+def _draw_spheres(
+    canvas: Image.Image, spheres: Mapping[str, np.ndarray], left: int, top: int
+) -> None:
+    draw = ImageDraw.Draw(canvas)
+    room = (WIDTH - MARGIN - left - len(SPHERES) * SPHERE) / len(SPHERES)
+    for index, name in enumerate(SPHERES):
+        x = round(left + room + index * (SPHERE + room))
+        y = top + (DIM_SIZE[1] - SPHERE) // 2
+        canvas.paste(_disc(spheres[name]), (x, y), _disc_mask())
+        centre = x + SPHERE // 2
+        draw.text((centre, top + DIM_SIZE[1] + 8), NAMES[name], FAINT, _font(16), anchor="ma")
+
+
+def _disc(sphere: Float[np.ndarray, "size size 3"]) -> Image.Image:
+    """Enlarge a rendered sphere; its surface goes on past the rim, where the mask cuts it."""
+    on_sphere = PAPER_RIG.views["mirror"].alpha()[..., None] > 0
+    whole = sphere
+    for _ in range(2):
+        whole = np.where(on_sphere, whole, _neighbours_mean(whole))
+    return _tone_mapped(whole, 0.0, (SPHERE, SPHERE))
+
+
+def _neighbours_mean(values: Float[np.ndarray, "size size 3"]) -> Float[np.ndarray, "size size 3"]:
+    padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
+    shifted = [padded[1 + i : -1 + i or None, 1 + j : -1 + j or None] for i, j in _AROUND]
+    known = sum((part.sum(-1, keepdims=True) > 0).astype(np.float32) for part in shifted)
+    return np.asarray(sum(shifted) / np.maximum(known, 1), np.float32)
+
+
+_AROUND = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1))
+
+
+def _disc_mask() -> Image.Image:
+    large = Image.new("L", (4 * SPHERE, 4 * SPHERE))
+    ImageDraw.Draw(large).ellipse((2, 2, 4 * SPHERE - 3, 4 * SPHERE - 3), fill=255)
+    return large.resize((SPHERE, SPHERE), Image.Resampling.BOX)
+
+
+def _tone_mapped(
+    radiance: Float[np.ndarray, "h w 3"], stops: float, size: tuple[int, int]
+) -> Image.Image:
+    """Expose by `stops`, soft-clip and gamma-encode as the paper's camera does, then resize."""
+    pixel = CameraResponse(exposure_stops=stops).pixel_from_radiance(radiance)
+    levels = np.floor(np.clip(pixel, 0, 1) * 255 + 0.5).astype(np.uint8)
+    return Image.fromarray(levels).resize(size, Image.Resampling.BICUBIC)
+
+
+def _mark_dominant(draw: ImageDraw.ImageDraw, estimate: Estimate, at: tuple[int, int]) -> None:
+    """Ring the dominant light and name it, if there is one."""
+    light = dominant_light(estimate.lighting)
+    if light.share < FAINT_SHARE:
+        return
+    width, height = LIGHT_SIZE
+    (row,), (column,) = position(light.direction[None], height, width)
+    x, y = at[0] + float(column), at[1] + float(row)
+    draw.ellipse((x - 11, y - 11, x + 11, y + 11), outline=PAPER, width=4)
+    draw.ellipse((x - 10, y - 10, x + 10, y + 10), outline=ACCENT, width=2)
+    label = f"main light, {light.share:.0%} of the power"
+    to_left = x > at[0] + width - 240
+    spot = (x - 18 if to_left else x + 18, y)
+    anchor = "rm" if to_left else "lm"
+    draw.text(spot, label, INK, _font(16), anchor=anchor, stroke_width=2, stroke_fill=PAPER)
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size)
+
+
+def _shortened(text: str, length: int) -> str:
+    return text if len(text) <= length else f"{text[: length // 2]}…{text[-length // 2 + 1 :]}"

@@ -1,1 +1,0 @@
-"""Trained networks and estimated light in the formats of others."""

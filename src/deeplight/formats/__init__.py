@@ -1,0 +1,1 @@
+"""An environment in the files and orientations of other tools."""

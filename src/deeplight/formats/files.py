@@ -1,0 +1,243 @@
+"""Light out: one environment in the format and orientation that somebody asked for."""
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from deeplight.environment import Environment
+from deeplight.errors import ConfigError
+from deeplight.formats.gltf import glb, gltf
+from deeplight.formats.webxr import light_estimate_file
+from deeplight.harmonics import project
+from deeplight.io.atomic import replacing
+from deeplight.io.gain_map import write_gain_map_jpeg
+from deeplight.io.ktx2 import write_ktx2
+from deeplight.io.lighting_file import FRAME, UNIT, VIEW_U, save_lighting
+from deeplight.io.orientation import TOOLS, faces_for, turned_for
+from deeplight.io.radiance import write_exr, write_hdr
+from deeplight.mappings import cube
+from deeplight.mappings.layouts import cube_from_latlong, probe_from_latlong, resized, unfolded
+
+LARGEST_SIZE = 8192
+PICTURES = ("exr", "hdr", "jpg")
+SCRIPTS = ("blender", "three")
+WITHOUT_VIEW = frozenset({"mirror-ball", "angular", "cross", "horizontal-cross"})
+"""Mappings whose middle is the view (or its opposite) by definition, so that no tool turns them."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What to write.
+
+    Attributes:
+        path: of the file; a cube's six get `_px` and so on before the suffix, a script an
+            `.exr` of its name and tool beside it, a `.json` an `.exr` of its name.
+        format: one of `FORMATS`; left out, the suffix tells.
+        mapping: of a picture, any `probe.Mapping`.
+        made_for: the tool to turn it for.
+        size: rows of a latlong, side of a disc or a face; left out, as fine as what came in.
+    """
+
+    path: Path
+    format: str | None = None
+    mapping: str = "latlong"
+    made_for: str | None = None
+    size: int | None = None
+
+    def __post_init__(self) -> None:
+        kind = self.kind
+        if kind in ("exr", "hdr", "json") and self.path.suffix.lower() != f".{kind}":
+            raise ConfigError(f"--out ending in .{kind}", f"{self.path}", "rename it")
+        if self.mapping != "latlong" and kind not in PICTURES:
+            got = f"{self.mapping} for {kind}"
+            raise ConfigError(f"a picture ({', '.join(PICTURES)}) of that mapping", got, "drop one")
+        if self.made_for and self.mapping in WITHOUT_VIEW:
+            got = f"{self.mapping} for {self.made_for}"
+            raise ConfigError("a latlong or a cube to turn for a tool", got, "drop one of them")
+        if self.size is not None and not 4 <= self.size <= LARGEST_SIZE:
+            raise ConfigError(f"a size of 4 to {LARGEST_SIZE}", f"{self.size}", "correct it")
+        if self.size is not None and self.mapping == "latlong" and self.size % 2:
+            raise ConfigError("an even number of rows", f"{self.size}", "correct it")
+
+    @property
+    def kind(self) -> str:
+        """The format, by name.
+
+        Raises:
+            ConfigError: no format, and a suffix that tells none.
+        """
+        if self.format is not None:
+            return self.format
+        name = self.path.name.lower()
+        for suffix, kind in SUFFIXES.items():
+            if name.endswith(suffix):
+                return kind
+        expected = f"--out ending in {' '.join(SUFFIXES)}"
+        raise ConfigError(expected, f"{self.path}", "rename it or give --format")
+
+    @property
+    def files(self) -> list[Path]:
+        """What will be written."""
+        if self.kind == "json":
+            return [self.path, self.path.with_suffix(".exr")]
+        if self.kind in SCRIPTS:
+            return [self.path, self.path.with_suffix(f".{self.kind}.exr")]
+        if self.mapping != "cube":
+            return [self.path]
+        signs = {"+": "p", "-": "n"}
+        ends = [f"_{signs[name[0]]}{name[1]}" for name in cube.FACES]
+        return [self.path.with_name(f"{self.path.stem}{e}{self.path.suffix}") for e in ends]
+
+    def must_not_replace(self, inputs: Sequence[Path]) -> None:
+        """Raise ConfigError if the output is one of the inputs."""
+        for path in inputs:
+            for out in self.files:
+                if path.exists() and out.exists() and path.samefile(out):
+                    got = f"{path}, an input, which {out.name} would replace"
+                    raise ConfigError("another name for --out", got, "rename it")
+
+
+SUFFIXES: Mapping[str, str] = MappingProxyType(
+    {
+        ".exr": "exr",
+        ".hdr": "hdr",
+        ".jpg": "jpg",
+        ".jpeg": "jpg",
+        ".webxr.json": "webxr",
+        ".json": "json",
+        ".ktx2": "ktx2",
+        ".gltf": "gltf",
+        ".glb": "glb",
+        ".py": "blender",
+        ".js": "three",
+    }
+)
+"""What a name's ending says; the longer of two comes first."""
+
+
+def write_environment(environment: Environment, wish: Wish) -> list[Path]:
+    """Write what `wish` names, each file whole or not at all; give the files written.
+
+    Raises:
+        OSError: a file cannot be written.
+        InputError: the tool takes no such picture.
+    """
+    return FORMATS[wish.kind](environment, wish)
+
+
+def _picture(environment: Environment, wish: Wish) -> list[Path]:
+    rows = len(environment.radiance)
+    if wish.mapping in ("cube", "strip", "column"):
+        faces = cube_from_latlong(environment.radiance, wish.size or max(rows // 2, 4))
+        faces = faces_for(faces, wish.made_for)
+        if wish.mapping == "cube":
+            return [_written(p, face, wish) for p, face in zip(wish.files, faces, strict=True)]
+        return [_written(wish.path, unfolded(faces, wish.mapping), wish)]
+    cross = "cross" in wish.mapping
+    # Quarter turns need whole columns, so an odd panorama gives up a row for a tool.
+    whole = rows - rows % 2 if wish.made_for in TOOLS else rows
+    size = wish.size or (max(rows // 2, 4) if cross else whole)
+    picture = probe_from_latlong(environment.radiance, wish.mapping, size)
+    if wish.mapping == "latlong" and wish.made_for in TOOLS:
+        picture = turned_for(picture, wish.made_for)
+    return [_written(wish.path, picture, wish)]
+
+
+def _written(path: Path, picture: np.ndarray, wish: Wish) -> Path:
+    radiance = np.ascontiguousarray(picture, np.float32)
+    if wish.kind == "exr":
+        header: dict[str, str | int | float] = {"deeplight:unit": UNIT, "deeplight:frame": FRAME}
+        if wish.mapping == "latlong":
+            tool = TOOLS.get(wish.made_for or "")
+            header[VIEW_U] = tool.view_u if tool else 0.5
+        write_exr(path, radiance, header)
+    elif wish.kind == "hdr":
+        write_hdr(path, radiance)
+    else:
+        write_gain_map_jpeg(path, radiance)
+    return path
+
+
+def _lighting_file(environment: Environment, wish: Wish) -> list[Path]:
+    tool = TOOLS.get(wish.made_for or "")
+    turn = tool.turn if tool else None
+    latlong = resized(environment.radiance, 256)
+    stem = wish.path.with_suffix("")
+    return save_lighting(environment.lighting, stem, turn=turn, latlong=latlong)
+
+
+def _webxr(environment: Environment, wish: Wish) -> list[Path]:
+    content = light_estimate_file(environment.lighting, environment.main_light)
+    return _text(wish.path, json.dumps(content, indent=1) + "\n")
+
+
+def _ktx2(environment: Environment, wish: Wish) -> list[Path]:
+    if wish.made_for not in (None, "webxr"):
+        raise ConfigError("a KTX2 cube as OpenGL has it", f"--for {wish.made_for}", "drop --for")
+    size = wish.size or max(len(environment.radiance) // 2, 4)
+    faces = faces_for(cube_from_latlong(environment.radiance, size), "webxr")
+    write_ktx2(wish.path, faces.astype(np.float32), UNIT)
+    return [wish.path]
+
+
+def _gltf(environment: Environment, wish: Wish) -> list[Path]:
+    return _text(wish.path, json.dumps(gltf(environment)) + "\n")
+
+
+def _glb(environment: Environment, wish: Wish) -> list[Path]:
+    with replacing(wish.path) as temporary:
+        temporary.write_bytes(glb(environment))
+    return [wish.path]
+
+
+def _script(tool: str, snippet: str) -> Callable[[Environment, Wish], list[Path]]:
+    def write(environment: Environment, wish: Wish) -> list[Path]:
+        if wish.made_for not in (None, tool):
+            raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
+        beside = Wish(wish.files[1], "exr", made_for=tool, size=wish.size)
+        text = files("deeplight.export").joinpath("snippets", snippet).read_text(encoding="utf-8")
+        light = environment.main_light
+        facts = {
+            "direction": light.direction.tolist(),
+            "irradiance": light.irradiance.tolist(),
+            "angularRadius": light.angular_radius_rad,
+        }
+        for mark, value in {
+            "NAME": re.sub(r"[^\w .-]", "_", wish.path.stem),
+            "EXR": json.dumps(beside.path.name),
+            "MAIN_LIGHT": json.dumps(facts),
+            "HARMONICS": json.dumps(project(light.remainder).tolist()),
+        }.items():
+            text = text.replace(f"@{mark}@", value)
+        return [*_picture(environment, beside), *_text(wish.path, text)]
+
+    return write
+
+
+def _text(path: Path, text: str) -> list[Path]:
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return [path]
+
+
+FORMATS: Mapping[str, Callable[[Environment, Wish], list[Path]]] = MappingProxyType(
+    {
+        "exr": _picture,
+        "hdr": _picture,
+        "jpg": _picture,
+        "json": _lighting_file,
+        "webxr": _webxr,
+        "ktx2": _ktx2,
+        "gltf": _gltf,
+        "glb": _glb,
+        "blender": _script("blender", "blender.py.txt"),
+        "three": _script("three", "three.js"),
+    }
+)
+"""How each format is written."""

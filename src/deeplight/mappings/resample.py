@@ -1,0 +1,219 @@
+"""Light from one mapping to another, energy kept.
+
+Going to fewer pixels is an area average over everything a pixel sees: a look-up would miss
+the sun, which is smaller than one pixel of a 4k panorama. Going from the 32 x 32 ball to
+more pixels is smooth, and then corrected until every ball pixel holds its energy again.
+Radiance is linear and unclipped throughout.
+"""
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from deeplight.errors import ShapeError
+from deeplight.frames import Rotation, turned
+from deeplight.mappings import cube, latlong, mirror_ball
+
+Radiance = Float[np.ndarray, "height width channels"]
+
+_IDENTITY = np.eye(3)
+_TEXELS_PER_PIXEL = 24  # below this, panorama texels are split before they are binned
+
+
+def shrink(
+    values: Shaped[np.ndarray, "height width channels"], height: int, width: int
+) -> Float[np.ndarray, "new_height new_width channels"]:
+    """Mean over exact, also fractional, areas: an image at `height` x `width`.
+
+    Also enlarges, as a piecewise-constant image would. float32 result.
+    """
+    return _area_mean(_area_mean(values, height, axis=0), width, axis=1)
+
+
+def shrink_latlong(
+    radiance: Radiance, height: int
+) -> Float[np.ndarray, "new_height new_width channels"]:
+    """A panorama at `height` x 2 `height`, averaged by solid angle: near the poles a cell's
+    upper rows are much smaller than its lower ones."""
+    weight = latlong.solid_angles(*radiance.shape[:2])[..., None]
+    power = shrink(radiance * weight, height, 2 * height)
+    return power / shrink(weight, height, 2 * height)
+
+
+def ball_from_latlong(
+    radiance: Radiance, size: int, ball_from_latlong: Rotation = _IDENTITY
+) -> Float[np.ndarray, "size size channels"]:
+    """The mirror ball of a panorama: each pixel is the mean radiance over what it sees.
+
+    Every texel's power goes into the one pixel it falls into, so nothing is missed and
+    the total over 4 pi is kept. Pixels off the disc are zero.
+    """
+    radiance = _split_texels(radiance, size)
+    height, width, channels = radiance.shape
+    directions = turned(latlong.directions(height, width), ball_from_latlong)
+    pixel = mirror_ball.pixel_of_directions(directions, size).ravel()
+    solid_angle = latlong.solid_angles(height, width)
+    area = np.bincount(pixel, solid_angle.ravel(), size * size)
+    ball = np.zeros((size * size, channels), np.float32)
+    for channel in range(channels):
+        power = np.bincount(pixel, (radiance[..., channel] * solid_angle).ravel(), size * size)
+        np.divide(power, area, out=ball[:, channel], where=area > 0, casting="same_kind")
+    _fill_missed(ball, area, radiance, ball_from_latlong)
+    return ball.reshape(size, size, channels)
+
+
+def latlong_from_ball(
+    ball: Float[np.ndarray, "size size channels"],
+    height: int = 256,
+    latlong_from_ball: Rotation = _IDENTITY,
+) -> Radiance:
+    """A smooth `height` x 2 `height` panorama that holds the energy of each ball pixel."""
+    # Made finer and averaged: at 256 rows a ball pixel catches some 100 texels, and their
+    # count would misstate its solid angle, so a lone sun's power, by up to 5 %.
+    fine = height if height >= 512 else 2 * height
+    directions = latlong.directions(fine, 2 * fine)
+    weights = latlong.solid_angles(fine, 2 * fine).astype(np.float32)
+    radiance = _enlarge(ball, turned(directions, latlong_from_ball.T), weights)
+    return shrink_latlong(radiance, height) if fine > height else radiance
+
+
+def cube_from_ball(
+    ball: Float[np.ndarray, "ball ball channels"], size: int = 128
+) -> Float[np.ndarray, "6 size size channels"]:
+    """The six faces of `cube.FACES`, smooth, with the energy of each ball pixel."""
+    weights = np.broadcast_to(cube.solid_angles(size), (6, size, size)).astype(np.float32)
+    return _enlarge(ball, cube.directions(size).astype(np.float32), weights)
+
+
+def turned_ball(
+    ball: Float[np.ndarray, "size size channels"], new_from_old: Rotation
+) -> Float[np.ndarray, "size size channels"]:
+    """The same light on a ball turned into another frame."""
+    size = ball.shape[0]
+    height = max(256, 8 * size)
+    return ball_from_latlong(latlong_from_ball(ball, height), size, new_from_old)
+
+
+def turned_latlong(radiance: Radiance, new_from_old: Rotation) -> Radiance:
+    """A panorama seen in another frame, at its own size (bilinear)."""
+    height, width, _ = radiance.shape
+    directions = turned(latlong.directions(height, width), new_from_old.T)
+    return sample_latlong(radiance, directions)
+
+
+def sample_latlong(
+    radiance: Radiance, directions: Float[np.ndarray, "*batch 3"]
+) -> Float[np.ndarray, "*batch channels"]:
+    """Bilinear look-up of a panorama, around the back and held at the poles.
+
+    A look-up, not an average: for views at least as fine as the panorama.
+    """
+    height, width, _ = radiance.shape
+    row, column = latlong.position(directions, height, width)
+    top, left = np.floor(row).astype(np.int32), np.floor(column).astype(np.int32)
+    down, right = (row - top)[..., None], (column - left)[..., None]
+    rows = [np.clip(top + k, 0, height - 1) for k in (0, 1)]
+    columns = [(left + k) % width for k in (0, 1)]
+    upper, lower = (
+        radiance[r, columns[0]] * (1 - right) + radiance[r, columns[1]] * right for r in rows
+    )
+    result: np.ndarray = upper * (1 - down) + lower * down
+    return result.astype(radiance.dtype)
+
+
+def _area_mean(values: np.ndarray, size: int, axis: int) -> np.ndarray:
+    """Mean over `size` equal stretches of one axis, from differences of its running sum."""
+    length = values.shape[axis]
+    if length == size:
+        return values.astype(np.float32)
+    if length % size == 0:
+        shape = (*values.shape[:axis], size, length // size, *values.shape[axis + 1 :])
+        return values.reshape(shape).mean(axis=axis + 1, dtype=np.float32)
+    total = np.cumsum(values, axis=axis, dtype=np.float64)
+    total = np.concatenate([np.zeros_like(total.take([0], axis)), total], axis=axis)
+    edge = np.arange(size + 1) * (length / size)
+    whole = np.minimum(edge.astype(int), length - 1)
+    part = (edge - whole).reshape([-1 if a == axis else 1 for a in range(values.ndim)])
+    at_edge = total.take(whole, axis) + part * values.take(whole, axis)
+    return (np.diff(at_edge, axis=axis) * (size / length)).astype(np.float32)
+
+
+def _split_texels(
+    radiance: Radiance, size: int
+) -> Float[np.ndarray, "fine_height fine_width channels"]:
+    if radiance.ndim != 3 or radiance.shape[1] != 2 * radiance.shape[0]:
+        raise ShapeError(
+            "an equirectangular panorama twice as wide as high",
+            f"shape {radiance.shape}",
+            "crop or pad it to the full sphere",
+        )
+    height, width, _ = radiance.shape
+    parts = int(np.ceil(np.sqrt(_TEXELS_PER_PIXEL * size * size / (height * width))))
+    return radiance.repeat(parts, axis=0).repeat(parts, axis=1) if parts > 1 else radiance
+
+
+def _fill_missed(
+    ball: np.ndarray, area: np.ndarray, radiance: Radiance, ball_from_latlong: Rotation
+) -> None:
+    """Give rim slivers that caught no texel the radiance in their direction."""
+    size = int(np.sqrt(len(ball)))
+    missed = np.flatnonzero((area == 0) & (mirror_ball.coverage(size).ravel() > 0))
+    directions = mirror_ball.pixel_directions(size).reshape(-1, 3)[missed]
+    ball[missed] = sample_latlong(radiance, turned(directions, ball_from_latlong.T))
+
+
+def _enlarge(ball: np.ndarray, directions: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Smooth radiance along `directions` whose mean over each ball pixel is that pixel's.
+
+    Interpolates its logarithm, bins the result back to the ball and interpolates the shortfall as a
+    factor, a few times over; factors keep it positive where an added correction would not.
+    What little is then still missing is made up pixel by pixel, so the mean is exact.
+    """
+    size, _, channels = ball.shape
+    pixel = mirror_ball.pixel_of_directions(directions, size).ravel()
+    area = np.bincount(pixel, weights.ravel(), size * size)[:, None]
+    taps = _bilinear_taps(directions, size)
+    wanted = _spread_over_rim(ball).reshape(-1, channels)
+    # Logarithms do not carry the sun into its neighbours, which would then need a dark halo.
+    darkest = np.float32(max(1e-6 * float(wanted.max()), 1e-30))
+    result = np.exp(_interpolate(np.log(np.maximum(wanted, darkest)), taps))
+    flat_weights = weights.reshape(-1, 1)
+    for smooth in (True, True, True, False):
+        power = np.stack(
+            [np.bincount(pixel, c, size * size) for c in (result * flat_weights).T], axis=1
+        )
+        factor = np.ones_like(power)
+        np.divide(wanted * area, power, out=factor, where=power > 0)
+        factor = factor.astype(np.float32)
+        if smooth:
+            factor = np.exp(_interpolate(np.log(np.clip(factor, 0.05, 20)), taps))
+        result *= factor if smooth else factor[pixel]
+    return result.reshape(*directions.shape[:-1], channels)
+
+
+def _spread_over_rim(ball: np.ndarray) -> np.ndarray:
+    """The ball with pixels off the disc set to their nearest pixel on it."""
+    size = ball.shape[0]
+    nearest = mirror_ball.nearest_lit(size)
+    return ball.reshape(size * size, -1)[nearest].reshape(ball.shape).astype(np.float32)
+
+
+def _bilinear_taps(directions: np.ndarray, size: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Four (pixel index, weight) pairs per direction, for interpolation on the ball."""
+    u, v = mirror_ball.uv_from_directions(directions.reshape(-1, 3))
+    column, row = (u + 1) * (size / 2) - 0.5, (1 - v) * (size / 2) - 0.5
+    left, top = np.floor(column).astype(int), np.floor(row).astype(int)
+    right, down = column - left, row - top
+    taps = []
+    for dr, wr in ((0, 1 - down), (1, down)):
+        for dc, wc in ((0, 1 - right), (1, right)):
+            index = np.clip(top + dr, 0, size - 1) * size + np.clip(left + dc, 0, size - 1)
+            taps.append((index, (wr * wc).astype(np.float32)[:, None]))
+    return taps
+
+
+def _interpolate(values: np.ndarray, taps: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    result = np.zeros((len(taps[0][0]), values.shape[-1]), values.dtype)
+    for index, weight in taps:
+        part = values.take(index, axis=0)  # faster than values[index]
+        result += np.multiply(part, weight, out=part)
+    return result
