@@ -10,7 +10,8 @@ import numpy as np
 
 import deeplight
 from deeplight.harmonics import dominant_light, project
-from deeplight.io.lighting_file import load_lighting, save_lighting
+from deeplight.io.environment_file import load_lighting
+from deeplight.io.lighting_file import save_lighting
 
 PHOTO = Path(__file__).parent / "photos" / "pagoda.jpg"
 

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from deeplight.camera_response import CameraResponse
-from deeplight.edit import turned
 from deeplight.environment import Environment
 from deeplight.formats.labelled import LABELS, labelled_environment
 from deeplight.frames import normalised, rotation
 from deeplight.io.radiance import write_exr
 from deeplight.lighting import Lighting
 from deeplight.mappings.mirror_ball import pixel_of_directions
+from deeplight.mappings.resample import turned_latlong as turned
 from deeplight.reflectance import analytic_basis
 from deeplight.relight import relight
 from deeplight.sphere import SphereView

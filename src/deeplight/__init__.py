@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from deeplight.estimators.estimate import estimate
     from deeplight.estimators.onnx import OnnxEstimator
     from deeplight.harmonics import dominant_light, irradiance, project
-    from deeplight.io.lighting_file import load_lighting, save_lighting
+    from deeplight.io.environment_file import load_lighting
+    from deeplight.io.lighting_file import save_lighting
     from deeplight.io.photos import read_photo
     from deeplight.lighting import Lighting
     from deeplight.reflectance import ReflectanceBasis, analytic_basis
@@ -44,7 +45,7 @@ _HOME = {
     "dominant_light": "harmonics",
     "estimate": "estimators.estimate",
     "irradiance": "harmonics",
-    "load_lighting": "io.lighting_file",
+    "load_lighting": "io.environment_file",
     "project": "harmonics",
     "read_photo": "io.photos",
     "relight_rig": "relight",

@@ -20,7 +20,6 @@ from deeplight.mappings import latlong, resample
 MOST_STOPS = 30.0
 
 Panorama = Float[np.ndarray, "height width 3"]
-_SUPERSAMPLED_UP_TO = 2048  # rows; a larger panorama is turned without, for memory's sake
 
 
 @dataclass(frozen=True)
@@ -79,24 +78,9 @@ def edited_latlong(radiance: Panorama, edit: Edit) -> Panorama:
     """A panorama after `edit`, at its own size."""
     if edit.main_light != 1 or edit.main_light_to is not None:
         radiance = _main_light_changed(radiance, edit)
-    radiance = turned(radiance, edit.new_from_old)
+    radiance = resample.turned_latlong(radiance, edit.new_from_old)
     radiance = radiance * (np.array(edit.tint, np.float32) * np.float32(2.0**edit.stops))
     return with_neutral(radiance, edit.neutral)
-
-
-def turned(radiance: Panorama, new_from_old: Rotation) -> Panorama:
-    """A panorama whose light is turned; about the vertical by whole columns it stays exact."""
-    width = radiance.shape[1]
-    about_up = np.arctan2(new_from_old[0, 2], new_from_old[2, 2])
-    columns = about_up * width / (2 * np.pi)
-    upright = np.allclose(new_from_old, frames.rotation("y", about_up), atol=1e-9)
-    if upright and abs(columns - round(columns)) < 1e-6:
-        return np.roll(radiance, -round(columns), axis=1)
-    height = len(radiance)
-    fine = 2 * height if height <= _SUPERSAMPLED_UP_TO else height
-    seen = frames.turned(latlong.directions(fine, 2 * fine), new_from_old.T)
-    result = resample.sample_latlong(radiance, seen)
-    return (resample.shrink_latlong(result, height) if fine > height else result).astype(np.float32)
 
 
 def with_neutral(radiance: Panorama, share: float) -> Panorama:
@@ -118,7 +102,7 @@ def _main_light_changed(radiance: Panorama, edit: Edit) -> Panorama:
     rest = np.maximum(radiance - excess, 0)
     if edit.main_light_to is not None:
         to = direction_of(*edit.main_light_to)
-        excess = turned(excess, _shortest_turn(light.direction.astype(float), to))
+        excess = resample.turned_latlong(excess, _shortest_turn(light.direction.astype(float), to))
     return (rest + edit.main_light * excess).astype(np.float32)
 
 

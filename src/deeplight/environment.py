@@ -1,55 +1,92 @@
-"""The light to hand over: a panorama in the camera frame, and what can be told of it."""
+"""Environment: light from all directions at its own resolution, which is what people use.
 
-from dataclasses import dataclass
+`Lighting`, the 32 x 32 mirror ball, is what the network gives.
+"""
+
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from jaxtyping import Float
 
 from deeplight.edit import Edit, edited_latlong
 from deeplight.errors import ShapeError
+from deeplight.frames import Rotation
 from deeplight.harmonics import DominantLight, dominant_light_of_latlong
 from deeplight.lighting import Lighting
+from deeplight.mappings import resample
 
 MOST_NEGATIVE = 0.01
 """Share of the power that may be negative: the ringing that some published panoramas carry."""
 
+Frame = Literal["camera", "level", "file"]
+"""camera: the view is -Z; level: the same with +Y against gravity; file: as it was stored."""
+Unit = Literal["camera_white", "file"]
+"""camera_white: 1.0 is where a pixel of the photo just saturates; file: as it was stored."""
+
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Light from all directions at its file's own resolution.
+    """Light from all directions at its own resolution.
 
     Attributes:
-        radiance: latlong, linear, centre column = the view (-Z); what little is negative becomes 0.
+        radiance: latlong, linear, centre column = the view (-Z), right of it +X, top row +Y. What
+            little is negative becomes 0. Read-only.
+        seen: how much of each direction the pixels of a photo showed, 0 to 1; None where no photo
+            is involved, as in a measured panorama. Read-only.
+        frame: what the axes are tied to.
+        unit: what radiance 1.0 is.
 
     Raises:
-        ShapeError: not twice as wide as high, black, not finite, or more than ringing is negative.
+        ShapeError: not twice as wide as high, black, not finite, more than ringing is negative,
+            or `seen` of another size or range.
     """
 
     radiance: Float[np.ndarray, "height width 3"]
+    seen: Float[np.ndarray, "height width"] | None = None
+    frame: Frame = "camera"
+    unit: Unit = "camera_white"
 
     def __post_init__(self) -> None:
-        radiance = np.asarray(self.radiance, np.float32)
-        height, width = radiance.shape[:2]
-        if width != 2 * height or height < 4:
-            got = f"{width} x {height}"
-            raise ShapeError("a panorama twice as wide as high", got, "crop it to the full sphere")
-        if not np.isfinite(radiance).all():
-            raise ShapeError("finite radiance", "NaN or infinite values", "repair the picture")
-        negative = -float(radiance[radiance < 0].sum(dtype=np.float64))
-        power = float(radiance.sum(dtype=np.float64)) + 2 * negative
-        if negative > MOST_NEGATIVE * power:
-            got = f"{negative / power:.0%} of it negative"
-            raise ShapeError("radiance of at least 0", got, "give linear light, not a difference")
-        if power == 0:
-            raise ShapeError("light", "a panorama that is black all over", "give another one")
-        object.__setattr__(self, "radiance", np.maximum(radiance, 0))
+        radiance = _checked(np.asarray(self.radiance, np.float32))
+        radiance.setflags(write=False)
+        object.__setattr__(self, "radiance", radiance)
+        if self.seen is None:
+            return
+        seen = np.array(self.seen, np.float32)
+        if seen.shape != radiance.shape[:2] or not ((seen >= 0) & (seen <= 1)).all():
+            expected = f"seen of shape {radiance.shape[:2]} from 0 to 1"
+            raise ShapeError(expected, f"{seen.shape} or values outside", "give one per texel")
+        seen.setflags(write=False)
+        object.__setattr__(self, "seen", seen)
+
+    @classmethod
+    def from_lighting(cls, lighting: Lighting, height: int = 256) -> Self:
+        """The light of a mirror ball, smooth, `height` rows high."""
+        return cls(lighting.latlong(height))
+
+    @property
+    def height(self) -> int:
+        """Rows of the panorama."""
+        return len(self.radiance)
 
     def edited(self, edit: Edit) -> Self:
-        """The same light after `edit`."""
+        """The same light after `edit`; `seen` turns with it."""
+        if edit == Edit():
+            return self
+        turned = self.turned(edit.new_from_old).seen
         with np.errstate(over="ignore"):  # too bright is refused like any infinity
-            return self if edit == Edit() else type(self)(edited_latlong(self.radiance, edit))
+            return replace(self, radiance=edited_latlong(self.radiance, edit), seen=turned)
+
+    def turned(self, new_from_old: Rotation) -> Self:
+        """The same light in a frame turned by `new_from_old`; exact for whole columns of yaw."""
+        seen = self.seen
+        if seen is not None:
+            seen = resample.turned_latlong(seen[..., None], new_from_old)[..., 0].clip(0, 1)
+        return replace(
+            self, radiance=resample.turned_latlong(self.radiance, new_from_old), seen=seen
+        )
 
     @cached_property
     def lighting(self) -> Lighting:
@@ -69,3 +106,25 @@ class Environment:
     @cached_property
     def _apart(self) -> tuple[DominantLight, Float[np.ndarray, "height width 3"]]:
         return dominant_light_of_latlong(self.radiance)
+
+    def __repr__(self) -> str:
+        known = "" if self.seen is None else f", {self.seen.mean():.0%} of the picture seen"
+        size = f"{self.radiance.shape[1]} x {self.height}"
+        return f"Environment({size}, {self.frame} frame, unit {self.unit}{known})"
+
+
+def _checked(radiance: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray, "height width 3"]:
+    height, width = radiance.shape[:2]
+    if width != 2 * height or height < 4:
+        got = f"{width} x {height}"
+        raise ShapeError("a panorama twice as wide as high", got, "crop it to the full sphere")
+    if not np.isfinite(radiance).all():
+        raise ShapeError("finite radiance", "NaN or infinite values", "repair the picture")
+    negative = -float(radiance[radiance < 0].sum(dtype=np.float64))
+    power = float(radiance.sum(dtype=np.float64)) + 2 * negative
+    if negative > MOST_NEGATIVE * power:
+        got = f"{negative / power:.0%} of it negative"
+        raise ShapeError("radiance of at least 0", got, "give linear light, not a difference")
+    if power == 0:
+        raise ShapeError("light", "a panorama that is black all over", "give another one")
+    return np.maximum(radiance, 0)

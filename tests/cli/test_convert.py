@@ -11,7 +11,8 @@ from deeplight.cli.main import main
 from deeplight.edit import direction_of
 from deeplight.formats.labelled import labelled_environment
 from deeplight.harmonics import dominant_light
-from deeplight.io.lighting_file import load_lighting, save_lighting
+from deeplight.io.environment_file import load_lighting
+from deeplight.io.lighting_file import save_lighting
 from deeplight.io.radiance import read_hdr, write_exr, write_hdr
 from deeplight.lighting import Lighting
 from deeplight.mappings.layouts import cube_from_latlong, probe_from_latlong

@@ -11,7 +11,7 @@ from PIL import Image
 
 from deeplight.cli.main import main
 from deeplight.io import lighting_file
-from deeplight.io.lighting_file import load_lighting
+from deeplight.io.environment_file import load_lighting
 from deeplight.io.radiance import read_hdr, write_exr
 
 RESULTS = {".exr", ".json", ".preview.png"}

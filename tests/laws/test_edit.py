@@ -5,11 +5,12 @@ import pytest
 
 from deeplight import frames
 from deeplight.camera_response import LUMINANCE
-from deeplight.edit import Edit, direction_of, edited, edited_latlong, turned, with_neutral
+from deeplight.edit import Edit, direction_of, edited, edited_latlong, with_neutral
 from deeplight.errors import ConfigError
 from deeplight.harmonics import dominant_light_of_latlong
 from deeplight.lighting import Lighting
 from deeplight.mappings import latlong
+from deeplight.mappings.resample import turned_latlong as turned
 
 HEIGHT = 128
 DIRECTIONS = latlong.directions(HEIGHT, 2 * HEIGHT)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.io.lighting_file import load_lighting
+from deeplight.io.environment_file import load_lighting
 from deeplight.io.radiance import read_hdr
 
 

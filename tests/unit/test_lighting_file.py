@@ -9,7 +9,8 @@ import pytest
 from deeplight.errors import ImageFileError
 from deeplight.formats.webxr import light_estimate
 from deeplight.harmonics import dominant_light, irradiance, project
-from deeplight.io.lighting_file import Turn, load_lighting, save_lighting
+from deeplight.io.environment_file import load_lighting
+from deeplight.io.lighting_file import Turn, save_lighting
 from deeplight.io.orientation import TOOLS
 from deeplight.io.radiance import read_hdr
 from deeplight.lighting import Lighting

@@ -17,12 +17,12 @@ from deeplight.compose.compose import Item, placed
 from deeplight.compose.composite import composite, radiance_of, write_layers
 from deeplight.compose.denoise import denoised
 from deeplight.compose.ground import Viewpoint
-from deeplight.compose.light import environment
 from deeplight.compose.look import blurred, grain, look_of
 from deeplight.compose.mesh import load, standing
 from deeplight.compose.trace import Layers
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.frames import UP, world_from_camera
+from deeplight.io.environment_file import read_environment
 
 VIEW = Viewpoint(PinholeCamera(640, 480, np.radians(50)), 1.4, np.radians(-20), np.radians(7))
 RNG = np.random.default_rng(3)
@@ -370,10 +370,10 @@ def test_a_panorama_as_light_keeps_its_direction(tmp_path: Path) -> None:
     write_exr(tmp_path / "ours.exr", panorama)
     write_exr(tmp_path / "turned.exr", np.roll(panorama, -8, axis=1), {VIEW_U: 0.25})
     for name in ("ours.exr", "turned.exr"):
-        assert environment(tmp_path / name) == pytest.approx(panorama)
+        assert read_environment(tmp_path / name).radiance == pytest.approx(panorama)
     write_exr(tmp_path / "narrow.exr", panorama[:, :20])
     with pytest.raises(ImageFileError):
-        environment(tmp_path / "narrow.exr")
+        read_environment(tmp_path / "narrow.exr")
     write_exr(tmp_path / "black.exr", panorama * 0)
     with pytest.raises(ImageFileError):
-        environment(tmp_path / "black.exr")
+        read_environment(tmp_path / "black.exr")

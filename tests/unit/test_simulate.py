@@ -138,10 +138,15 @@ def test_a_folder_without_panoramas_is_refused(tmp_path: Path) -> None:
         places_in(tmp_path / "missing")
 
 
-@pytest.mark.parametrize("shape", [(64, 64, 3), (8, 16, 3)])
-def test_what_is_no_panorama_is_refused(tmp_path: Path, shape: tuple[int, int, int]) -> None:
+@pytest.mark.parametrize(
+    ("shape", "reason"),
+    [((64, 64, 3), "square"), ((8, 16, 3), "64 rows"), ((64, 100, 3), "twice as wide")],
+)
+def test_what_is_no_panorama_is_refused(
+    tmp_path: Path, shape: tuple[int, int, int], reason: str
+) -> None:
     write_exr(tmp_path / "odd.exr", np.ones(shape, np.float32))
-    with pytest.raises(ImageFileError, match="twice as wide"):
+    with pytest.raises(ImageFileError, match=reason):
         load(Place(tmp_path / "odd.exr", "odd", "indoor", "train"))
 
 

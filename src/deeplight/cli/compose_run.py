@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import radians
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,12 @@ from deeplight.compose.compose import Composed, Item, Settings, compose
 from deeplight.compose.composite import write_layers
 from deeplight.compose.gravity import tilt_of
 from deeplight.compose.ground import DEFAULT_PITCH_RAD, Viewpoint
-from deeplight.compose.light import environment
 from deeplight.compose.mesh import load
-from deeplight.compose.trace import FINAL, PREVIEW
+from deeplight.compose.trace import FINAL, LIGHT_HEIGHT, PREVIEW
 from deeplight.errors import ConfigError
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.io.atomic import replacing
+from deeplight.io.environment_file import read_environment
 from deeplight.io.photos import Photo, encode_jpeg, encode_png, read_photo
 from deeplight.io.video import is_video
 from deeplight.preprocess import Framing
@@ -133,7 +134,12 @@ def _lit(args: Args) -> tuple[Photo, np.ndarray, Framing, tuple[str, ...]]:
         estimate = estimator.explain(photo, args.fov)
         return photo, gained(args, estimate.lighting.latlong()), estimate.framing, estimate.notes
     framing = estimator.frame(photo, args.fov)
-    return photo, gained(args, environment(args.light)), framing, photo.notes
+    return photo, gained(args, light_of_file(args.light)), framing, photo.notes
+
+
+def light_of_file(path: Path) -> np.ndarray:
+    """Read the light to render with, as a latlong whose centre is the photo's view."""
+    return read_environment(path, max_height=LIGHT_HEIGHT).radiance
 
 
 def gained(args: Args, light: np.ndarray) -> np.ndarray:

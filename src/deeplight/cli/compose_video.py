@@ -10,11 +10,10 @@ from rich.markup import escape
 
 from deeplight.camera import PinholeCamera
 from deeplight.cli.compose import Args
-from deeplight.cli.compose_run import bar, gained, settings_of, viewpoint_of
+from deeplight.cli.compose_run import bar, gained, light_of_file, settings_of, viewpoint_of
 from deeplight.compose.compose import Item, Settings, matched, placed, rendered, scene_of
 from deeplight.compose.follow import Follower, smoothed, turned_to
 from deeplight.compose.ground import Viewpoint
-from deeplight.compose.light import environment
 from deeplight.compose.look import Look
 from deeplight.compose.scene import Scene
 from deeplight.compose.trace import Quality
@@ -74,7 +73,7 @@ def _begin(args: Args, first: Still, items: Sequence[Item], settings: Settings) 
     photo = Photo(first.rgb(), args.photo)
     estimate = estimator.explain(photo, args.fov)
     viewpoint, assumed = viewpoint_of(args, photo, estimate.framing)
-    fixed = None if args.light is None else gained(args, environment(args.light))
+    fixed = None if args.light is None else gained(args, light_of_file(args.light))
     light = gained(args, estimate.lighting.latlong()) if fixed is None else fixed
     solids, notes = placed(viewpoint, items, estimate.framing.bottom)
     scene, limited = scene_of(photo.pixels, light, viewpoint, solids, settings)

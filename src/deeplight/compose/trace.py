@@ -31,6 +31,8 @@ from deeplight.compose.scene import (
 )
 from deeplight.errors import ConfigError
 
+LIGHT_HEIGHT = 512
+"""Rows of a panorama to render with: a sun stays as sharp as it is."""
 PLANE = "plane"
 SHAPE = "shape:shape_index"
 AOVS = f"{SHAPE},albedo:albedo,normal:sh_normal"

@@ -6,17 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float32
 
 from deeplight.errors import ConfigError, DataSetError
 from deeplight.evaluate.scores import LogRadiance
 from deeplight.frames import world_from_camera
-from deeplight.io.radiance import read_hdr
-from deeplight.lighting import LIGHTING_SIZE, Lighting
-from deeplight.mappings import resample
+from deeplight.io.environment_file import SUFFIXES, read_environment
+from deeplight.lighting import Lighting
 
-SUFFIXES = (".exr", ".hdr")
 ELEVATIONS = "elevations.csv"
+MAX_HEIGHT = 256
+"""Rows; more than the ball needs would take hours for thousands of 4k panoramas."""
 DARKEST = 1e-6  # radiance: black still has a logarithm
 
 
@@ -67,11 +66,9 @@ class PanoramaEstimates:
         """The light of one example, in the camera's frame."""
         if key not in self._files:
             raise DataSetError(f"{key}.exr or .hdr in {self.folder}", "none", "add it")
-        radiance = _usable(read_hdr(self._files[key]))
+        radiance = read_environment(self._files[key], max_height=MAX_HEIGHT).radiance
         camera_from_world = world_from_camera(0.0, math.radians(self._elevation(key))).T
-        return Lighting(
-            np.maximum(resample.ball_from_latlong(radiance, LIGHTING_SIZE, camera_from_world), 0)
-        )
+        return Lighting.from_latlong(radiance, camera_from_world)
 
     def _elevation(self, key: str) -> float:
         if self._elevation_deg is not None:
@@ -129,13 +126,3 @@ def _elevations(path: Path) -> dict[str, float]:
     if not all(math.isfinite(angle) and abs(angle) <= 90 for angle in found.values()):
         raise DataSetError(f"elevations from -90 to 90 in {path}", "others", "give degrees")
     return found
-
-
-def _usable(
-    radiance: Float32[np.ndarray, "height width 3"],
-) -> Float32[np.ndarray, "rows columns 3"]:
-    """No more texels than the ball needs; a 4k panorama of each of thousands would take hours."""
-    height, width, _ = radiance.shape
-    if width == 2 * height and height > 256:
-        return resample.shrink_latlong(radiance, 256)
-    return radiance

@@ -1,73 +1,120 @@
-"""Any file with light in all directions as an `Environment`."""
+"""Any file with light in all directions as an `Environment`: the one reader of panoramas."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
-from deeplight.environment import Environment
+from deeplight.environment import Environment, Unit
 from deeplight.errors import ConfigError, ImageFileError, ShapeError
-from deeplight.io.lighting_file import load_lighting, view_u
+from deeplight.io.image_file import opened
+from deeplight.io.lighting_file import LATLONG_HEIGHT, VIEW_U, read_lighting_json
 from deeplight.io.orientation import faces_for, turned_from
 from deeplight.io.radiance import read_hdr
+from deeplight.lighting import Lighting
 from deeplight.mappings.layouts import folded, latlong_from_cube, latlong_from_probe, mapping_of
+from deeplight.mappings.resample import shrink_latlong
 
-LATLONG_HEIGHT = 256
-"""Rows of the panorama made of a `.json`'s 32 x 32 mirror ball."""
+SUFFIXES = (".exr", ".hdr")
+"""What is taken for a panorama in a folder; a named file may also be a .tif or our .json."""
 
 
 def read_environment(
-    paths: Sequence[Path], mapping: str | None = None, made_for: str | None = None
+    paths: Path | str | Sequence[Path],
+    mapping: str | None = None,
+    made_for: str | None = None,
+    max_height: int | None = None,
 ) -> Environment:
     """Read one picture in any mapping, six faces of a cube, or a lighting file of ours.
 
+    Negative ringing beside a sun belongs to the sun's energy: it is clamped only after the area
+    average to `max_height`.
+
     Args:
         paths: one file, or six in the order +X -X +Y -Y +Z -Z.
-        mapping: of the picture; left out, its shape tells. Of a square it must be told.
-        made_for: the tool whose orientation the picture has; an EXR of ours tells it itself. Left
+        mapping: of the picture; left out, its shape decides. For a square it must be given.
+        made_for: the tool whose orientation the picture has; an EXR of ours says it itself. Left
             out, the centre column, or the middle of a disc or cross, is the view (a mirror ball's
             rim is the view).
+        max_height: rows of the panorama; a finer file is averaged down to it.
+
+    Returns:
+        The light; relative to the camera's white if the file is one of ours, else in the file's
+        own unit.
 
     Raises:
         OSError: a file cannot be read.
-        ImageFileError: it holds no light.
-        ShapeError: it has no mapping's shape, or faces of different sizes.
+        ImageFileError: it holds no light: black, mostly negative, or of no mapping's shape.
         ConfigError: not one file and not six.
     """
-    if len(paths) == 6:
-        return Environment(latlong_from_cube(faces_for(_six(paths), made_for)))
-    if len(paths) != 1:
-        raise ConfigError("one file, or six faces +X -X +Y -Y +Z -Z", f"{len(paths)}", "name those")
-    path = paths[0]
+    files = [Path(paths)] if isinstance(paths, str | Path) else [Path(path) for path in paths]
+    if len(files) not in (1, 6):
+        expected = "one file, or six faces +X -X +Y -Y +Z -Z"
+        raise ConfigError(expected, f"{len(files)}", "name those")
     try:
-        return _one(path, mapping, made_for)
+        if len(files) == 6:
+            radiance, unit = _six(files, made_for)
+        else:
+            radiance, unit = _one(files[0], mapping, made_for)
+        if max_height is not None and len(radiance) > max_height:
+            radiance = shrink_latlong(radiance, max_height)
+        return Environment(radiance, unit=unit)
     except ShapeError as error:
-        raise ImageFileError(error.expected, f"{path}, {error.got}", error.do) from error
+        raise ImageFileError(error.expected, f"{files[0]}, {error.got}", error.do) from error
 
 
-def _one(path: Path, mapping: str | None, made_for: str | None) -> Environment:
+def load_lighting(path: Path | str) -> Lighting:
+    """Read lighting back from a `.json` (exact) or any environment that `read_environment` takes.
+
+    From an environment the mirror ball comes back with its power to 2 %; next to a strong light a
+    pixel may take some of it.
+
+    Raises:
+        OSError: there is no such file, or reading it is not permitted.
+        ImageFileError: it holds no light, or is a lighting file of another version or damaged.
+    """
+    path = Path(path)
     if path.suffix.lower() == ".json":
-        return Environment(load_lighting(path).latlong(LATLONG_HEIGHT))
+        return read_lighting_json(path)
+    return read_environment(path).lighting
+
+
+_Panorama = tuple[Float[np.ndarray, "height width 3"], Unit]
+
+
+def _one(path: Path, mapping: str | None, made_for: str | None) -> _Panorama:
+    if path.suffix.lower() == ".json":
+        return read_lighting_json(path).latlong(LATLONG_HEIGHT), "camera_white"
     picture = read_hdr(path)
     mapping = mapping or mapping_of(*picture.shape[:2])
     if mapping == "cube":
         raise ConfigError("six files of a cube", "one", "name six, or say strip or cross")
     if mapping == "latlong":
-        radiance = latlong_from_probe(picture, mapping)
-        if made_for in (None, "webxr"):
-            shift = round((0.5 - view_u(path)) * picture.shape[1])
-            return Environment(np.roll(radiance, shift, axis=1))
-        return Environment(turned_from(radiance, made_for))
+        return _latlong(path, latlong_from_probe(picture, mapping), made_for)
     if mapping in ("strip", "column"):
-        return Environment(latlong_from_cube(faces_for(folded(picture, mapping), made_for)))
-    return Environment(latlong_from_probe(picture, mapping))
+        return latlong_from_cube(faces_for(folded(picture, mapping), made_for)), "file"
+    return latlong_from_probe(picture, mapping), "file"
 
 
-def _six(paths: Sequence[Path]) -> np.ndarray:
+def _latlong(
+    path: Path, radiance: Float[np.ndarray, "height width 3"], made_for: str | None
+) -> _Panorama:
+    """A panorama with its view in the centre column; an EXR of ours says where it is."""
+    with opened(path, max_pixels=10**9) as file:
+        view_u = file.spec().getattribute(VIEW_U)
+    unit: Unit = "file" if view_u is None else "camera_white"
+    if made_for not in (None, "webxr"):
+        return turned_from(radiance, made_for), unit
+    shift = 0 if view_u is None else round((0.5 - float(view_u)) * radiance.shape[1])
+    return np.roll(radiance, shift, axis=1), unit
+
+
+def _six(paths: Sequence[Path], made_for: str | None) -> _Panorama:
     faces = [read_hdr(path) for path in paths]
     first = faces[0].shape
     for path, face in zip(paths, faces, strict=True):
         if face.shape != first or first[0] != first[1]:
             got = f"{path} of {face.shape[1]} x {face.shape[0]}"
             raise ImageFileError("six square faces of one size", got, "export them alike")
-    return np.stack(faces)
+    return latlong_from_cube(faces_for(np.stack(faces), made_for)), "file"

@@ -13,8 +13,7 @@ from jaxtyping import Float, Float32
 from deeplight.errors import ImageFileError, InputError
 from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, project
 from deeplight.io.atomic import replacing
-from deeplight.io.image_file import opened
-from deeplight.io.radiance import read_hdr, write_exr, write_hdr
+from deeplight.io.radiance import write_exr, write_hdr
 from deeplight.lighting import Lighting
 
 FORMAT = "deeplight lighting"
@@ -104,33 +103,13 @@ def save_lighting(
     return files
 
 
-def load_lighting(path: Path | str) -> Lighting:
-    """Read lighting back from a `.json` (exact) or an environment.
-
-    From an environment the mirror ball comes back with its power to 2 %; beside a strong light a
-    pixel may take some of it. One turned for a tool is turned back, if it is an EXR of ours. A
-    foreign environment's centre column is taken as the view.
+def read_lighting_json(path: Path) -> Lighting:
+    """Read the `.json` that `save_lighting` wrote; exact.
 
     Raises:
         OSError: there is no such file, or reading it is not permitted.
         ImageFileError: not a lighting file, of another version, or damaged.
-        ShapeError: the environment is not twice as wide as high.
     """
-    path = Path(path)
-    if path.suffix.lower() == ".json":
-        return _from_json(path)
-    latlong = np.maximum(read_hdr(path), 0)
-    shift = round((0.5 - view_u(path)) * latlong.shape[1])
-    return Lighting.from_latlong(np.roll(latlong, shift, axis=1))
-
-
-def view_u(path: Path) -> float:
-    """The view's column, 0 to 1, as an EXR of ours tells it; 0.5 for any other picture."""
-    with opened(path, max_pixels=10**9) as file:
-        return float(file.spec().get_float_attribute(VIEW_U, 0.5))
-
-
-def _from_json(path: Path) -> Lighting:
     do = "write it again with this version of deeplight"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))

@@ -10,12 +10,14 @@ import numpy as np
 from jaxtyping import Float, Shaped
 
 from deeplight.errors import ShapeError
-from deeplight.frames import Rotation, turned
+from deeplight.frames import Rotation, rotation, turned
 from deeplight.mappings import cube, latlong, mirror_ball
 
 Radiance = Float[np.ndarray, "height width channels"]
 
 _IDENTITY = np.eye(3)
+SUPERSAMPLED_UP_TO = 2048
+"""Rows; a larger panorama is turned without supersampling, for memory's sake."""
 _TEXELS_PER_PIXEL = 24  # below this, panorama texels are split before they are binned
 
 
@@ -94,10 +96,20 @@ def turned_ball(
 
 
 def turned_latlong(radiance: Radiance, new_from_old: Rotation) -> Radiance:
-    """A panorama seen in another frame, at its own size (bilinear)."""
+    """A panorama whose light is turned; about the vertical by whole columns it stays exact.
+
+    Otherwise bilinear, twice supersampled up to `SUPERSAMPLED_UP_TO` rows.
+    """
     height, width, _ = radiance.shape
-    directions = turned(latlong.directions(height, width), new_from_old.T)
-    return sample_latlong(radiance, directions)
+    about_up = np.arctan2(new_from_old[0, 2], new_from_old[2, 2])
+    columns = about_up * width / (2 * np.pi)
+    upright = np.allclose(new_from_old, rotation("y", about_up), atol=1e-9)
+    if upright and abs(columns - round(columns)) < 1e-6:
+        return np.roll(radiance, -round(columns), axis=1)
+    fine = 2 * height if height <= SUPERSAMPLED_UP_TO else height
+    shown = turned(latlong.directions(fine, 2 * fine), new_from_old.T)
+    result = sample_latlong(radiance, shown)
+    return (shrink_latlong(result, height) if fine > height else result).astype(np.float32)
 
 
 def sample_latlong(

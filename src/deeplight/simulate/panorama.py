@@ -10,12 +10,11 @@ from jaxtyping import Float
 
 from deeplight.dataset.example import SCENES
 from deeplight.errors import DataSetError, ImageFileError
-from deeplight.io.radiance import read_hdr
+from deeplight.io.environment_file import SUFFIXES, read_environment
 from deeplight.mappings import latlong, resample
 from deeplight.report.table import read_table
 
 MANIFEST = "manifest.csv"
-SUFFIXES = (".exr", ".hdr")
 WORKING_HEIGHT = 512  # finer than the 192 x 135 photo needs; keeps a 16k panorama small
 MIN_HEIGHT = 64
 UNKNOWN_LICENCE = "not stated"
@@ -76,27 +75,13 @@ def places_in(folder: Path) -> list[Place]:
 def load(place: Place) -> Float[np.ndarray, "height width 3"]:
     """Radiance of a panorama, at most 512 x 1024, in the file's own scale.
 
-    Negative ringing beside the sun belongs to the sun's energy, so it is clamped only after
-    the area average to the working size.
-
     Raises:
-        OSError, ImageFileError: missing, broken, not twice as wide as high, too small, black.
+        OSError, ImageFileError: missing, broken, of no mapping's shape, too small, black.
     """
-    radiance = read_hdr(place.path)
-    height, width, _ = radiance.shape
-    if width != 2 * height or height < MIN_HEIGHT:
-        raise ImageFileError(
-            f"an equirectangular panorama, twice as wide as high, from {MIN_HEIGHT} rows",
-            f"{width} x {height} in {place.path}",
-            "give the full sphere",
-        )
-    if height > WORKING_HEIGHT:
-        radiance = resample.shrink_latlong(radiance, WORKING_HEIGHT)
-    radiance = np.maximum(radiance, 0).astype(np.float32)
-    if not radiance.max() > 0:
-        raise ImageFileError(
-            "a panorama with light in it", f"all black in {place.path}", "replace it"
-        )
+    radiance = read_environment(place.path, max_height=WORKING_HEIGHT).radiance
+    if len(radiance) < MIN_HEIGHT:
+        got = f"{len(radiance)} in {place.path}"
+        raise ImageFileError(f"a panorama of at least {MIN_HEIGHT} rows", got, "give a finer one")
     return radiance
 
 
