@@ -1,6 +1,5 @@
 """Estimating from Python: every kind of photo, wrong model files, the shipped model."""
 
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -82,10 +81,10 @@ def test_pixels_that_are_no_photo_are_refused(estimator: OnnxEstimator, photo: n
         estimator.estimate(photo)
 
 
-def test_the_public_name_can_be_called_before_and_after_its_folder_is_imported(
+def test_the_public_name_is_the_function_of_the_package(
     estimator: OnnxEstimator, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(sys.modules["deeplight.estimate"], "_default", [estimator])
+    monkeypatch.setattr("deeplight.estimators.estimate._default", [estimator])
     wanted = estimator.estimate(smooth_pixels()).radiance
     import_module("deeplight.estimators.sources")
     for call in (deeplight.estimate, estimate):
