@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from deeplight import frames
-from deeplight.mappings import latlong
 from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ShapeError
 from deeplight.frames import Rotation
+from deeplight.mappings import latlong
 
 SUN_ANGULAR_RADIUS_RAD = float(np.radians(0.2666))  # mean over the year
 _SAMPLES = 8  # along each side of a texel that a disc's edge crosses

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deeplight import frames
-from deeplight.mappings import latlong
 from deeplight.errors import ShapeError
 from deeplight.frames import normalised
-from deeplight.lamp import Lamp, SUN_ANGULAR_RADIUS_RAD, draw_lamps
+from deeplight.lamp import SUN_ANGULAR_RADIUS_RAD, Lamp, draw_lamps
+from deeplight.mappings import latlong
 
 DIRECTIONS = [[0, 0, -1], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0.3, 0.8, 0.5], [-0.7, 0.1, 0.01]]
 FLUX = np.array([3.0, 2.0, 0.5])
