@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from deeplight.errors import ImageFileError
 from deeplight.compose import mesh_file
 from deeplight.compose.mesh import Mesh, load
+from deeplight.errors import ImageFileError
 
 pytest.importorskip("trimesh")
 CASES = Path(__file__).parents[3] / "shared" / "cases"

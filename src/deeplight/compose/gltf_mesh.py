@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int, Num
 
-from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.compose.gltf_file import DO, GltfFile
 from deeplight.compose.gltf_look import Look, look
+from deeplight.errors import ImageFileError, MissingExtraError
 
 MAX_NODES = 1_000_000
 MAX_PARTS = 50_000

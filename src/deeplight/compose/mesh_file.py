@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from deeplight.errors import ImageFileError, InputError, MissingExtraError
-from deeplight.io.neighbour import neighbour
 from deeplight.compose import gltf_mesh
 from deeplight.compose.gltf_file import GltfFile
 from deeplight.compose.gltf_look import Look
 from deeplight.compose.textures import Pixels, Textures
 from deeplight.compose.triangles import Finish, Mesh
+from deeplight.errors import ImageFileError, MissingExtraError
+from deeplight.io.boundary import reading
+from deeplight.io.neighbour import neighbour
 
 MAX_TEXTURE_BYTES = 200_000_000
 MAX_TEXT_BYTES = 200_000_000  # an .obj takes about ten times its size while it is read
@@ -39,19 +40,10 @@ def read_meshes(path: Path, max_triangles: int) -> list[Mesh]:
         import trimesh  # noqa: F401
     except ImportError as error:
         raise MissingExtraError("render", f"reading {path.name}") from error
-    try:
-        with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
-            if path.suffix.lower() in (".glb", ".gltf"):
-                return _of_gltf(path, max_triangles)
-            return _of_text(path)
-    except (MemoryError, InputError):
-        raise
-    except Exception as error:  # the errors of trimesh's parsers, and of odd glTF values
-        if isinstance(error, OSError) and error.filename is not None:
-            raise
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        got = f"{path}, which cannot be read ({reason})"
-        raise ImageFileError("a whole mesh file", got, "export it again") from error
+    with reading(path), warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
+        if path.suffix.lower() in (".glb", ".gltf"):
+            return _of_gltf(path, max_triangles)
+        return _of_text(path)
 
 
 def _of_gltf(path: Path, max_triangles: int) -> list[Mesh]:
