@@ -1,8 +1,8 @@
 import { fileURLToPath } from "node:url";
+import { defaultClientConditions } from "vite";
 import { defineConfig } from "vitest/config";
 import { contentPolicy } from "./build/policy.ts";
 import { precache } from "./build/precache.ts";
-import { runtime } from "./build/runtime.ts";
 import { shippedModel } from "./build/shipped-model.ts";
 
 const here = (path: string) => fileURLToPath(new URL(path, import.meta.url));
@@ -12,9 +12,11 @@ export default defineConfig({
   plugins: [
     contentPolicy(here("../src/deeplight/demo/policy.txt")),
     shippedModel(here("../src/deeplight/weights/deeplight.onnx")),
-    runtime(here("node_modules/onnxruntime-web/dist")),
     precache("service-worker.js"),
   ],
+  // The library as it is written, not as it is published: one build makes both.
+  resolve: { conditions: ["deeplight-source", ...defaultClientConditions] },
+  ssr: { resolve: { conditions: ["deeplight-source"] }, noExternal: ["deeplight"] },
   worker: { format: "es" },
   build: {
     outDir: here("../src/deeplight/demo/site"),
@@ -36,7 +38,7 @@ export default defineConfig({
   },
   server: { fs: { allow: [here("."), here("../examples/photos")] } },
   test: {
-    include: ["src/**/*.test.ts", "tests/**/*.test.ts"],
+    include: ["src/**/*.test.ts", "packages/*/src/**/*.test.ts", "tests/**/*.test.ts"],
     testTimeout: 20_000,
     hookTimeout: 60_000,
   },

@@ -1,7 +1,7 @@
 """Make what the live page shares with Python: python tests/golden/make_web.py.
 
-The constants go to web/src/contract/generated.ts, golden values to web/tests/golden. Nothing in
-them is typed by hand on either side.
+The constants go to web/packages/deeplight/src/contract/generated.ts, golden values to
+web/tests/golden. Nothing in them is typed by hand on either side.
 """
 
 import base64
@@ -31,7 +31,7 @@ from deeplight.sphere import CROP_SIZE, PAPER_RIG
 from deeplight.transfer import file as transfer_file
 
 ROOT = Path(__file__).resolve().parents[2]
-GENERATED = ROOT / "web/src/contract/generated.ts"
+GENERATED = ROOT / "web/packages/deeplight/src/contract/generated.ts"
 GOLDEN = ROOT / "web/tests/golden"
 TURN = world_from_camera(0.7, -0.4, 0.2)
 

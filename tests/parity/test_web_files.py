@@ -19,7 +19,7 @@ def saved(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("needs the page's tools: make web-test")
     folder = tmp_path_factory.mktemp("web")
     done = subprocess.run(
-        ["npx", "vitest", "run", "src/save"],
+        ["npx", "vitest", "run", "packages/deeplight/src/save"],
         cwd=root / "web",
         env=os.environ | {"DEEPLIGHT_WEB_FILES": str(folder)},
         capture_output=True,

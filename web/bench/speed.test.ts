@@ -4,14 +4,14 @@
  */
 import { readFileSync } from "node:fs";
 import { beforeAll, test } from "vitest";
-import { CONTRACT } from "../src/contract/generated.ts";
-import { CellMeans } from "../src/estimate/cell-means.ts";
-import { framePhoto } from "../src/estimate/framing.ts";
-import { Network } from "../src/estimate/network.ts";
-import { Lighting } from "../src/light/lighting.ts";
-import { IDENTITY } from "../src/light/matrix.ts";
-import { Smoother } from "../src/light/smoother.ts";
-import { relit, SPHERES } from "../src/light/spheres.ts";
+import { CONTRACT } from "../packages/deeplight/src/contract/generated.ts";
+import { CellMeans } from "../packages/deeplight/src/estimate/cell-means.ts";
+import { framePhoto } from "../packages/deeplight/src/estimate/framing.ts";
+import { Lighting } from "../packages/deeplight/src/light/lighting.ts";
+import { IDENTITY } from "../packages/deeplight/src/light/matrix.ts";
+import { Smoother } from "../packages/deeplight/src/light/smoother.ts";
+import { relit, SPHERES } from "../packages/deeplight/src/light/spheres.ts";
+import { Network } from "../packages/deeplight/src/network/network.ts";
 import { floats, golden } from "../tests/golden.ts";
 
 const WARM_UP = 10;

@@ -2,8 +2,8 @@
 import type { Browser, Page } from "playwright-core";
 import { createServer, type ViteDevServer } from "vite";
 import { afterAll, beforeAll, expect, test } from "vitest";
-import { REFLECTIVITY } from "../src/contract/generated.ts";
-import { directionFromUv } from "../src/light/mirror-ball.ts";
+import { REFLECTIVITY } from "../packages/deeplight/src/contract/generated.ts";
+import { directionFromUv } from "../packages/deeplight/src/light/mirror-ball.ts";
 import { launch } from "./browser.ts";
 
 const SIZE = 32;

@@ -9,8 +9,8 @@ import {
   WebGLRenderer,
   WebGLRenderTarget,
 } from "three";
-import { Lighting } from "../../src/light/lighting.ts";
-import type { Matrix3x3 } from "../../src/light/matrix.ts";
+import { Lighting } from "../../packages/deeplight/src/light/lighting.ts";
+import type { Matrix3x3 } from "../../packages/deeplight/src/light/matrix.ts";
 import { worldFromCamera } from "../../src/sensors/pose.ts";
 import { BallLight } from "../../src/view/ball-light.ts";
 import { standardMaterial } from "../../src/view/material.ts";

@@ -1,6 +1,6 @@
 /** The phone's camera: opened on demand, off while the page is hidden. */
-import type { Frame } from "../estimate/picker.ts";
-import { Failure, type FailureKind } from "../page/failure.ts";
+import { type Frame, frameOfVideo } from "deeplight/core";
+import { Failure, type FailureKind } from "../failure.ts";
 import type { Picture } from "./picture.ts";
 
 export type Facing = "environment" | "user";
@@ -62,8 +62,8 @@ export class LiveCamera implements Picture {
     return this.source.videoHeight;
   }
 
-  async grab(): Promise<Frame> {
-    return filmed(this.source) ?? createImageBitmap(this.source);
+  grab(): Promise<Frame> {
+    return frameOfVideo(this.source);
   }
 
   close(): void {
@@ -73,41 +73,10 @@ export class LiveCamera implements Picture {
   }
 }
 
-/**
- * The frame as it came from the camera, which costs nothing; undefined where the browser cannot
- * tell that it is upright: that is why it gets this far only where frames know their rotation.
- */
-function filmed(video: HTMLVideoElement): VideoFrame | undefined {
-  if (typeof VideoFrame === "undefined" || !("rotation" in VideoFrame.prototype)) return undefined;
-  try {
-    return new VideoFrame(video);
-  } catch {
-    return undefined; // no frame yet, or one that must not be read
-  }
-}
-
 /** Whether there is another camera to change to. */
 export async function hasSeveralCameras(): Promise<boolean> {
   const devices = (await navigator.mediaDevices?.enumerateDevices?.()) ?? [];
   return devices.filter((device) => device.kind === "videoinput").length > 1;
-}
-
-/** Calls `seen` for every new frame of a video; the result stops it. */
-export function onEachFrame(video: HTMLVideoElement, seen: () => void): () => void {
-  let stopped = false;
-  const next = (): void => {
-    if (stopped) return;
-    seen();
-    wait();
-  };
-  const wait = (): void => {
-    if ("requestVideoFrameCallback" in video) video.requestVideoFrameCallback(next);
-    else requestAnimationFrame(next);
-  };
-  wait();
-  return () => {
-    stopped = true;
-  };
 }
 
 /** No size that the browser would crop for: that would change the field of view. */

@@ -1,14 +1,10 @@
 /** A photo from a file, upright, as large as browsers can hold. */
-import { MID_GREY } from "../contract/generated.ts";
-import type { Frame } from "../estimate/picker.ts";
-import { Failure } from "../page/failure.ts";
-import { verticalFovRad } from "./exif.ts";
+import { drawStill, type Frame, verticalFovRad } from "deeplight/core";
+import { Failure } from "../failure.ts";
 import type { Picture } from "./picture.ts";
 
 const MOST_BYTES = 100e6;
 const MOST_PIXELS = 100e6;
-/** iPhones refuse canvases of more than 16.7 megapixels. */
-const LONGEST_SIDE = 4096;
 
 export class Photo implements Picture {
   readonly kind = "photo";
@@ -67,16 +63,9 @@ export class Photo implements Picture {
 }
 
 function drawn(source: CanvasImageSource, width: number, height: number): HTMLCanvasElement {
-  const scale = Math.min(1, LONGEST_SIDE / Math.max(width, height));
-  const canvas = document.createElement("canvas");
-  canvas.width = Math.round(width * scale);
-  canvas.height = Math.round(height * scale);
-  // Its pixels are read at once, by the estimate: no need for them to be on a graphics card.
-  const context = canvas.getContext("2d", { willReadFrequently: true });
-  if (!context) throw new Failure("photo-too-large", "no canvas of this size");
-  context.imageSmoothingQuality = "high";
-  context.fillStyle = `rgb(${MID_GREY},${MID_GREY},${MID_GREY})`; // under transparent parts
-  context.fillRect(0, 0, canvas.width, canvas.height);
-  context.drawImage(source, 0, 0, canvas.width, canvas.height);
-  return canvas;
+  try {
+    return drawStill(document.createElement("canvas"), source, width, height);
+  } catch (error) {
+    throw new Failure("photo-too-large", String(error));
+  }
 }

@@ -1,5 +1,5 @@
 /** What is on screen: the light is estimated from it, and the object stands in it. */
-import type { Frame } from "../estimate/picker.ts";
+import type { Frame } from "deeplight/core";
 
 export interface Picture {
   readonly kind: "live" | "photo";

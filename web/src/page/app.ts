@@ -1,13 +1,17 @@
 /** The page as a whole: what is on screen, where its light comes from, what happens when it fails. */
+
+import {
+  type About,
+  ASSUMED_LONG_SIDE_FOV_RAD,
+  type Estimator,
+  type Lighting,
+  type Matrix3x3,
+  Smoother,
+} from "deeplight/core";
 import { type Facing, hasSeveralCameras, LiveCamera } from "../camera/live.ts";
 import { Photo } from "../camera/photo.ts";
 import type { Picture } from "../camera/picture.ts";
-import { ASSUMED_LONG_SIDE_FOV_RAD } from "../contract/generated.ts";
-import type { Estimator } from "../estimate/estimator.ts";
-import type { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
-import { Smoother } from "../light/smoother.ts";
-import type { About } from "../save/index.ts";
+import { Failure } from "../failure.ts";
 import { OrientationSensor } from "../sensors/orientation.ts";
 import { worldFromCamera } from "../sensors/pose.ts";
 import { verticalFov } from "../view/fit.ts";
@@ -16,7 +20,6 @@ import { Hand } from "../view/hand.ts";
 import { Showroom } from "../view/showroom.ts";
 import { Stage } from "../view/stage.ts";
 import { announce, box, button, canvas, element } from "./elements.ts";
-import { Failure } from "./failure.ts";
 import { inWords } from "./light-in-words.ts";
 import { LightPanel } from "./light-panel.ts";
 import { Meter } from "./meter.ts";

@@ -1,11 +1,11 @@
 /** The tools around the view: they set what the app shows, and show what it holds. */
-import { hdrFile, jsonFile } from "../save/index.ts";
+import { hdrFile, jsonFile } from "deeplight/core";
+import { Failure } from "../failure.ts";
 import { mayRead } from "../sensors/orientation.ts";
 import { pitchOf } from "../sensors/pose.ts";
 import type { App } from "./app.ts";
 import { Chips, connectTrays, press, Slider } from "./controls.ts";
 import { announce, box, button, input } from "./elements.ts";
-import { Failure } from "./failure.ts";
 import type { Notice } from "./notice.ts";
 import { give, pictureFile } from "./takeaway.ts";
 

@@ -1,6 +1,5 @@
+import { Lighting, pixelOfDirection } from "deeplight/core";
 import { describe, expect, it } from "vitest";
-import { Lighting } from "../light/lighting.ts";
-import { pixelOfDirection } from "../light/mirror-ball.ts";
 import { inWords } from "./light-in-words.ts";
 
 function lampAt(x: number, y: number, z: number): Lighting {

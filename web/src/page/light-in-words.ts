@@ -1,5 +1,5 @@
 /** The main light as one would say it, for who does not see the panel. */
-import type { MainLight } from "../light/main-light.ts";
+import type { MainLight } from "deeplight/core";
 
 const SIDES = [
   "ahead",

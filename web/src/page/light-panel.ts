@@ -1,8 +1,7 @@
 /** The three spheres and the environment in the estimated light, as the camera would show them. */
-import { pixelFromRadiance } from "../light/camera-response.ts";
-import type { Lighting } from "../light/lighting.ts";
-import { prepareSpheres, type SphereName } from "../light/spheres.ts";
+import { type Lighting, pixelFromRadiance, type SphereName } from "deeplight/core";
 import { box, canvas } from "./elements.ts";
+import { prepareSpheres } from "./prepare-spheres.ts";
 
 const BALLS: readonly (readonly [SphereName, string])[] = [
   ["mirror", "ball-mirror"],

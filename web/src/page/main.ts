@@ -1,9 +1,10 @@
 /** Starts the page. */
+
+import { Failure } from "../failure.ts";
 import { App } from "./app.ts";
 import { Desk, followMotionUnasked } from "./desk.ts";
 import { box, button, input } from "./elements.ts";
 import { EXAMPLES } from "./examples.ts";
-import { Failure } from "./failure.ts";
 import { connectIntake } from "./intake.ts";
 import { ModelLoader } from "./model-loader.ts";
 import { Notice, offerUpdate } from "./notice.ts";

@@ -1,5 +1,5 @@
 /** Loads the network once, shows how far it is, and offers to try again when that fails. */
-import { Estimator } from "../estimate/estimator.ts";
+import { Estimator } from "deeplight/core";
 import { box, element } from "./elements.ts";
 import type { Notice } from "./notice.ts";
 
@@ -31,12 +31,13 @@ export class ModelLoader {
     const bar = element("loading-bar", HTMLProgressElement);
     bar.removeAttribute("value");
     box("loading").hidden = false;
-    const where = {
+    const estimator = Estimator.start({
       model: new URL("model/deeplight.onnx", document.baseURI),
-      runtime: new URL("runtime/", document.baseURI),
-    };
-    const estimator = Estimator.start(where, (done, all) => {
-      if (all > 0) bar.value = done / all; // some servers do not tell
+      worker: () =>
+        new Worker(new URL("./estimate-worker.ts", import.meta.url), { type: "module" }),
+      onProgress: (done, all) => {
+        if (all > 0) bar.value = done / all; // some servers do not tell
+      },
     });
     const hide = (): void => {
       box("loading").hidden = true;

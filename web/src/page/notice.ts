@@ -1,6 +1,8 @@
 /** The dialog that says what went wrong and offers what to do about it. */
+
+import { asFailure } from "../failure.ts";
+import { adviceFor, type Remedy } from "./advice.ts";
 import { box, button, element } from "./elements.ts";
-import { adviceFor, asFailure, type Remedy } from "./failure.ts";
 
 const LABELS: Record<Remedy, string> = {
   camera: "Try the camera again",

@@ -1,5 +1,5 @@
 /** Files for the user: through the share sheet of a phone, as a download elsewhere. */
-import { Failure } from "./failure.ts";
+import { Failure } from "../failure.ts";
 
 /** True when it was given away; false when the user closed the share sheet. */
 export async function give(file: File): Promise<boolean> {

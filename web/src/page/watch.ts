@@ -1,9 +1,7 @@
 /** Estimates the light of what is on screen: of a photo once, of a camera's newest frame for ever. */
-import { onEachFrame } from "../camera/live.ts";
+
+import { type Estimator, type Lighting, type Matrix3x3, onEachFrame } from "deeplight/core";
 import type { Picture } from "../camera/picture.ts";
-import type { Estimator } from "../estimate/estimator.ts";
-import type { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
 
 /** The light of one frame, and how the camera was held when it was taken. */
 export interface Seen {

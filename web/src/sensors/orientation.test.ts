@@ -1,5 +1,5 @@
+import { turned, type Vector3 } from "deeplight/core";
 import { describe, expect, it } from "vitest";
-import { turned, type Vector3 } from "../light/matrix.ts";
 import { cameraPose } from "./orientation.ts";
 import { pitchOf, worldFromCamera } from "./pose.ts";
 

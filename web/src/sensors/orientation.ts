@@ -1,8 +1,8 @@
 /** Where the camera looks, from the phone's orientation sensors. */
 
+import { type Matrix3x3, product } from "deeplight/core";
 import type { Facing } from "../camera/live.ts";
-import { type Matrix3x3, product } from "../light/matrix.ts";
-import { Failure } from "../page/failure.ts";
+import { Failure } from "../failure.ts";
 import { rotation } from "./pose.ts";
 
 /** Angles of a DeviceOrientationEvent, in degrees. */

@@ -1,5 +1,5 @@
 /** How a hand holds the camera, in a world whose +Y is up; as in frames.py. */
-import { type Matrix3x3, product } from "../light/matrix.ts";
+import { type Matrix3x3, product } from "deeplight/core";
 
 /** Right-handed rotation about a coordinate axis. */
 export function rotation(axis: "x" | "y" | "z", angleRad: number): Matrix3x3 {

@@ -1,5 +1,5 @@
 /** The arithmetic of transfer outside the graphics card: what a light does to tables and matrices. */
-import { basis, cosineKernel } from "../light/harmonics.ts";
+import { basis, cosineKernel } from "deeplight/core";
 import type { GlossyTransfer, GroundTransfer, Transfer } from "./format.ts";
 
 /** Irradiance over pi on an open plane facing +Y in light of each harmonic. */

@@ -4,7 +4,7 @@
  * The format is `docs/transfer.md`; `deeplight render transfer` writes it. Frame of the object: +Y is up, it stands on
  * y = 0, its longest side is 1. Harmonics have the order and signs of `Lighting.harmonics`.
  */
-import { TRANSFER } from "../contract/generated.ts";
+import { TRANSFER } from "deeplight/core";
 import { crc32 } from "./crc32.ts";
 
 /** A file that is no transfer, or a damaged one; the message is for people. */

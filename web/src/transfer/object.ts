@@ -1,4 +1,6 @@
 /** An object and its shadow on the ground, shaded by transfer; both are lit by `setLight`. */
+
+import { GAMMA, TRANSFER } from "deeplight/core";
 import {
   AddEquation,
   BufferAttribute,
@@ -15,7 +17,6 @@ import {
   ShaderMaterial,
   ZeroFactor,
 } from "three";
-import { GAMMA, TRANSFER } from "../contract/generated.ts";
 import { fitting, meet, metLength, shadowRatios } from "./evaluate.ts";
 import {
   type GlossyTransfer,

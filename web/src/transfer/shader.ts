@@ -1,6 +1,5 @@
 /** The shaders of transfer, for three.js in GLSL ES 3.00. */
-import { GAMMA, SOFT_CLIP_N } from "../contract/generated.ts";
-import { norm } from "../light/harmonics.ts";
+import { GAMMA, norm, SOFT_CLIP_N } from "deeplight/core";
 
 /** Texels in a row of the textures that hold numbers of vertices. */
 export const TEXTURE_WIDTH = 2048;

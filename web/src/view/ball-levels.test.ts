@@ -1,5 +1,5 @@
+import { coverage } from "deeplight/core";
 import { expect, it } from "vitest";
-import { coverage } from "../light/mirror-ball.ts";
 import { ballLevels } from "./ball-levels.ts";
 
 it("ends with the mean of all light, whatever lies off the disc", () => {

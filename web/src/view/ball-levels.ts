@@ -1,5 +1,5 @@
 /** A ball of light and its ever coarser averages, down to one pixel. */
-import { coverage, nearestLit } from "../light/mirror-ball.ts";
+import { coverage, nearestLit } from "deeplight/core";
 
 export interface Level {
   readonly size: number;

@@ -5,6 +5,14 @@
  * from harmonics. Both take effect at once. three.js's own way, a prefiltered cube (PMREM), costs a
  * thousand times more for each new light and shows no more of a ball of 32 x 32 pixels.
  */
+
+import {
+  irradianceCoefficients,
+  LIGHTING_SIZE,
+  type Lighting,
+  type Matrix3x3,
+  REFLECTIVITY,
+} from "deeplight/core";
 import {
   DataTexture,
   DataUtils,
@@ -17,10 +25,6 @@ import {
   ShaderMaterial,
   Vector3,
 } from "three";
-import { LIGHTING_SIZE, REFLECTIVITY } from "../contract/generated.ts";
-import { irradianceCoefficients } from "../light/harmonics.ts";
-import type { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
 import { ballLevels } from "./ball-levels.ts";
 import { LOOK_UP, MIRROR_FRAGMENT, MIRROR_VERTEX, WITHOUT_MAPS } from "./ball-shader.ts";
 

@@ -1,9 +1,8 @@
 /** The built-in objects: diffuse and silver by precomputed transfer, mirror and gloss by the light's ball. */
+
+import { IDENTITY, LIGHTING_SIZE, Lighting, type Matrix3x3, product } from "deeplight/core";
 import { Group, Mesh } from "three";
-import { LIGHTING_SIZE } from "../contract/generated.ts";
-import { Lighting } from "../light/lighting.ts";
-import { IDENTITY, type Matrix3x3, product } from "../light/matrix.ts";
-import { Failure } from "../page/failure.ts";
+import { Failure } from "../failure.ts";
 import {
   type GroundShadow,
   makeGroundShadow,

@@ -1,7 +1,7 @@
 /** What can stand in the picture: one of the built-in objects or the user's own. */
+
+import type { Lighting, Matrix3x3 } from "deeplight/core";
 import type { Object3D } from "three";
-import type { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
 import type { MaterialName } from "./material.ts";
 
 export interface Exhibit {

@@ -1,7 +1,5 @@
+import { IDENTITY, Lighting, pixelOfDirection } from "deeplight/core";
 import { describe, expect, it } from "vitest";
-import { Lighting } from "../light/lighting.ts";
-import { IDENTITY } from "../light/matrix.ts";
-import { pixelOfDirection } from "../light/mirror-ball.ts";
 import { worldFromCamera } from "../sensors/pose.ts";
 import { floorRays } from "./floor-rays.ts";
 

@@ -1,8 +1,5 @@
 /** Directions that stand for all light that reaches the floor, drawn in proportion to what they give it. */
-import { LUMINANCE } from "../contract/generated.ts";
-import type { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
-import { subpixels } from "../light/mirror-ball.ts";
+import { type Lighting, LUMINANCE, type Matrix3x3, subpixels } from "deeplight/core";
 
 export interface FloorRays {
   /** x, y, z of each, y up; lower than this they would throw shadows without end. */

@@ -7,6 +7,8 @@
  * its own kind, so an object blocks a direction once, however many triangles lie behind each other.
  * What is blocked is added up; the floor then multiplies the picture by what is left.
  */
+
+import { GAMMA, type Lighting, type Matrix3x3 } from "deeplight/core";
 import {
   AddEquation,
   CustomBlending,
@@ -26,9 +28,6 @@ import {
   WebGLRenderTarget,
   ZeroFactor,
 } from "three";
-import { GAMMA } from "../contract/generated.ts";
-import type { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
 import { floorRays } from "./floor-rays.ts";
 
 const PIXELS = 256;

@@ -1,4 +1,6 @@
 /** The user's own object: a .glb file, read here and nowhere else. */
+
+import { type Lighting, type Matrix3x3, product } from "deeplight/core";
 import {
   Box3,
   Group,
@@ -11,9 +13,7 @@ import {
   Vector3,
 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
-import type { Lighting } from "../light/lighting.ts";
-import { type Matrix3x3, product } from "../light/matrix.ts";
-import { Failure } from "../page/failure.ts";
+import { Failure } from "../failure.ts";
 import { BallLight } from "./ball-light.ts";
 import type { Exhibit } from "./exhibit.ts";
 import { FloorShadow } from "./floor-shadow.ts";

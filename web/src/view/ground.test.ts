@@ -1,5 +1,5 @@
+import { transposed, turned } from "deeplight/core";
 import { describe, expect, it } from "vitest";
-import { transposed, turned } from "../light/matrix.ts";
 import { worldFromCamera } from "../sensors/pose.ts";
 import { groundPoint, ray, sizeSpanning, type Viewpoint } from "./ground.ts";
 

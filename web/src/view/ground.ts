@@ -3,7 +3,7 @@
  *
  * World frame: +Y is up, the plane is y = 0, the camera stands at (0, height, 0). Metres.
  */
-import { type Matrix3x3, turned, type Vector3 } from "../light/matrix.ts";
+import { type Matrix3x3, turned, type Vector3 } from "deeplight/core";
 
 /** A camera above the plane: its pose and what it sees. */
 export interface Viewpoint {

@@ -1,6 +1,7 @@
 /** What an object is made of: the paper's three spheres, a glossy coat, or the file's own. */
+
+import { REFLECTIVITY } from "deeplight/core";
 import { Color, type MeshPhysicalMaterial as Material, MeshPhysicalMaterial } from "three";
-import { REFLECTIVITY } from "../contract/generated.ts";
 
 export const MATERIALS = ["diffuse", "silver", "mirror", "glossy", "file"] as const;
 export type MaterialName = (typeof MATERIALS)[number];

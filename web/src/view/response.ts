@@ -1,6 +1,7 @@
 /** Radiance to pixels as the phone's camera does it: clipped at its white, gamma 2.2 (equation 3). */
+
+import { GAMMA, SOFT_CLIP_N } from "deeplight/core";
 import { CustomToneMapping, LinearSRGBColorSpace, ShaderChunk, type WebGLRenderer } from "three";
-import { GAMMA, SOFT_CLIP_N } from "../contract/generated.ts";
 
 const IDENTITY = "vec3 CustomToneMapping( vec3 color ) { return color; }";
 

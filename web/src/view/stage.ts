@@ -1,10 +1,9 @@
 /** The view: the camera's picture, and in it an object with its shadow, drawn when something changed. */
+
+import { ASSUMED_LONG_SIDE_FOV_RAD, IDENTITY, type Lighting, type Matrix3x3 } from "deeplight/core";
 import { Group, PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import type { Picture } from "../camera/picture.ts";
-import { ASSUMED_LONG_SIDE_FOV_RAD } from "../contract/generated.ts";
-import type { Lighting } from "../light/lighting.ts";
-import { IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
-import { Failure } from "../page/failure.ts";
+import { Failure } from "../failure.ts";
 import { rotation } from "../sensors/pose.ts";
 import { Backdrop } from "./backdrop.ts";
 import type { Exhibit } from "./exhibit.ts";

@@ -1,21 +1,24 @@
 /** What the browser tests call: the estimator, on frames made from plain pixels. */
 
-import { EstimateError } from "../../src/estimate/errors.ts";
-import { Estimator } from "../../src/estimate/estimator.ts";
+import { EstimateError } from "../../packages/deeplight/src/errors.ts";
+import { Estimator } from "../../packages/deeplight/src/estimate/estimator.ts";
 import { noise } from "../noise.ts";
 
 const estimators: Estimator[] = [];
 
 const harness = {
   /** Loads a model; gives "ok" or the error's kind, and what was told of the progress. */
-  async load(model: string, runtime = "/runtime/"): Promise<{ got: string; progress: number[][] }> {
+  async load(model: string): Promise<{ got: string; progress: number[][] }> {
     const progress: number[][] = [];
-    const where = {
-      model: new URL(model, location.href),
-      runtime: new URL(runtime, location.href),
-    };
     try {
-      const estimator = Estimator.start(where, (...told) => progress.push(told));
+      const estimator = Estimator.start({
+        model: new URL(model, location.href),
+        worker: () =>
+          new Worker(new URL("../../packages/deeplight/src/worker.ts", import.meta.url), {
+            type: "module",
+          }),
+        onProgress: (...at) => progress.push(at),
+      });
       await estimator.loaded;
       estimators.push(estimator);
       return { got: "ok", progress };

@@ -1,0 +1,2 @@
+/** The TypeScript file with the compiled kernels. */
+export function generated(): Promise<string>;

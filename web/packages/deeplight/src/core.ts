@@ -1,0 +1,20 @@
+/**
+ * The parts of the library, for those who put them together in another way, as the live page does.
+ * These may change with every minor version.
+ */
+export * from "./contract/generated.ts";
+export { EstimateError, type EstimateErrorKind } from "./errors.ts";
+export { type Estimate, Estimator, type ModelFacts } from "./estimate/estimator.ts";
+export type { Frame } from "./estimate/picker.ts";
+export { pixelFromRadiance, radianceFromPixel } from "./light/camera-response.ts";
+export { basis, cosineKernel, irradianceCoefficients, norm } from "./light/harmonics.ts";
+export { Lighting } from "./light/lighting.ts";
+export type { MainLight } from "./light/main-light.ts";
+export * from "./light/matrix.ts";
+export { coverage, nearestLit, pixelOfDirection, subpixels } from "./light/mirror-ball.ts";
+export { Smoother } from "./light/smoother.ts";
+export { type Basis, keepBasis, makeBasis, SPHERES, type SphereName } from "./light/spheres.ts";
+export { verticalFovRad } from "./photo/exif.ts";
+export { drawStill } from "./photo/still.ts";
+export { frameOfVideo, onEachFrame } from "./photo/video.ts";
+export { type About, hdrFile, jsonFile } from "./save/index.ts";

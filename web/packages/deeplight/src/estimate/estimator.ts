@@ -1,0 +1,143 @@
+/** A frame in, its light out, computed in a worker: the view never waits for it. */
+
+import { EstimateError } from "../errors.ts";
+import { Lighting } from "../light/lighting.ts";
+import type { Contract } from "../network/contract.ts";
+import type { Dense } from "../network/onnx.ts";
+import type { Progress } from "./download.ts";
+import type { Frame } from "./picker.ts";
+import type { Fault, Reply, Request } from "./worker.ts";
+
+export interface Estimate {
+  readonly lighting: Lighting;
+  /** What else the network gives, by the names of its outputs. */
+  readonly others: ReadonlyMap<string, Dense>;
+  readonly preprocessMs: number;
+  readonly runMs: number;
+}
+
+export interface Setup {
+  /** Where the model file is, on any host that allows it (CORS), or its bytes. */
+  readonly model: URL | Uint8Array;
+  /** Starts `deeplight/worker`. */
+  readonly worker: () => Worker;
+  readonly onProgress?: Progress | undefined;
+}
+
+/** Which network it is. */
+export interface ModelFacts {
+  /** Null where it came as bytes. */
+  readonly file: string | null;
+  readonly contract: Contract;
+  readonly sha256: string | null; // null where the browser offers no hashes: plain http
+}
+
+type Answer = Extract<Reply, { logRadiance: unknown } | { failed: unknown }>;
+
+interface Job {
+  readonly frame: Frame;
+  readonly verticalFovRad: number | undefined;
+  readonly done: (estimate: Estimate | null) => void;
+  readonly failed: (error: EstimateError) => void;
+}
+
+export class Estimator {
+  /** @throws EstimateError that says what is missing, damaged or not supported. */
+  readonly loaded: Promise<ModelFacts>;
+  /** Null until everything has been loaded. */
+  model: ModelFacts | null = null;
+  #running: Job | null = null;
+  #waiting: Job | null = null;
+  #closed = false;
+
+  private constructor(
+    private readonly worker: Worker,
+    { model, onProgress }: Setup,
+  ) {
+    this.loaded = this.#load(model, onProgress ?? (() => {})).catch((error: unknown) => {
+      this.close();
+      throw error;
+    });
+  }
+
+  /** Takes frames from now on; their light comes when everything has been loaded. */
+  static start(setup: Setup): Estimator {
+    return new Estimator(setup.worker(), setup);
+  }
+
+  /**
+   * The light of an upright, opaque frame, which is closed. Without a field of view the long side is
+   * taken to span 66 degrees. Null when a newer frame took its place, after `close`, and where
+   * `loaded` fails.
+   */
+  estimate(frame: Frame, verticalFovRad?: number): Promise<Estimate | null> {
+    return new Promise((done, failed) => {
+      drop(this.#waiting);
+      this.#waiting = { frame, verticalFovRad, done, failed };
+      this.#next();
+    });
+  }
+
+  close(): void {
+    this.#closed = true;
+    this.worker.terminate();
+    this.#running?.done(null);
+    this.#running = null;
+    this.#next();
+  }
+
+  #next(): void {
+    const job = this.#waiting;
+    if (this.#running !== null || job === null) return;
+    this.#waiting = null;
+    if (this.#closed) {
+      drop(job);
+      return;
+    }
+    this.#running = job;
+    const request: Request = { frame: job.frame, verticalFovRad: job.verticalFovRad };
+    this.worker.postMessage(request, [job.frame]);
+  }
+
+  #load(model: URL | Uint8Array, onProgress: Progress): Promise<ModelFacts> {
+    const file = model instanceof URL ? model.pathname.split("/").at(-1)! : null;
+    return new Promise((done, failed) => {
+      this.worker.onmessage = ({ data }: MessageEvent<Reply>) => {
+        if ("progress" in data) onProgress(...data.progress);
+        else if ("loaded" in data) {
+          this.model = { file, ...data.loaded };
+          done(this.model);
+        } else if ("notLoaded" in data) failed(errorOf(data.notLoaded));
+        else this.#answered(data);
+      };
+      this.worker.onerror = (event) => {
+        const fault: Fault = { kind: "runtime", detail: event.message || "the worker broke" };
+        if (this.model) this.#answered({ failed: fault });
+        else failed(errorOf(fault));
+      };
+      const load = model instanceof URL ? model.href : model;
+      this.worker.postMessage({ load } satisfies Request);
+    });
+  }
+
+  #answered(reply: Answer): void {
+    const job = this.#running;
+    this.#running = null;
+    if ("logRadiance" in reply) {
+      const { logRadiance, others, preprocessMs, runMs } = reply;
+      job?.done({ lighting: new Lighting(logRadiance), others, preprocessMs, runMs });
+    } else {
+      job?.failed(errorOf(reply.failed));
+    }
+    this.#next();
+  }
+}
+
+function errorOf({ kind, detail }: Fault): EstimateError {
+  return new EstimateError(kind, detail);
+}
+
+function drop(job: Job | null): void {
+  job?.frame.close();
+  job?.done(null);
+}

@@ -1,0 +1,63 @@
+/** Where the trained camera's view lies in a photo or a frame: preprocess.frame_photo. */
+import { ASSUMED_LONG_SIDE_FOV_RAD } from "../contract/generated.ts";
+import type { Contract } from "../network/contract.ts";
+
+/** Edges in pixels of the upright photo from its upper left corner; they may lie outside it. */
+export interface Framing {
+  readonly photoHeight: number;
+  readonly photoWidth: number;
+  readonly top: number;
+  readonly bottom: number;
+  readonly left: number;
+  readonly right: number;
+  readonly verticalFovRad: number; // of the whole photo, as used
+  readonly fovSource: "given" | "assumed";
+  readonly inputHeight: number;
+  readonly inputWidth: number;
+}
+
+/** @throws RangeError where the field of view is not inside (0, pi). */
+export function framePhoto(
+  height: number,
+  width: number,
+  verticalFovRad: number | undefined,
+  contract: Contract,
+): Framing {
+  const assumed = verticalFovRad === undefined;
+  if (!assumed && !(verticalFovRad > 0 && verticalFovRad < Math.PI)) {
+    throw new RangeError(`expected a field of view between 0 and pi, got ${verticalFovRad}`);
+  }
+  const focal = assumed
+    ? Math.max(height, width) / 2 / Math.tan(ASSUMED_LONG_SIDE_FOV_RAD / 2)
+    : height / 2 / Math.tan(verticalFovRad / 2); // in pixels
+  const half = Math.tan((contract.vertical_fov_deg * Math.PI) / 360);
+  return {
+    photoHeight: height,
+    photoWidth: width,
+    top: height / 2 - focal * half * (1 - 2 * contract.background_top),
+    bottom: height / 2 - focal * half * (1 - 2 * contract.background_fraction),
+    left: width / 2 - focal * half * contract.frame_aspect,
+    right: width / 2 + focal * half * contract.frame_aspect,
+    verticalFovRad: verticalFovRad ?? 2 * Math.atan(height / 2 / focal),
+    fovSource: assumed ? "assumed" : "given",
+    inputHeight: contract.height,
+    inputWidth: contract.width,
+  };
+}
+
+/** Part of the trained view that the photo shows, by image area; 1 is all of it. */
+export function visibleFraction(framing: Framing): number {
+  const rows = Math.min(framing.bottom, framing.photoHeight) - Math.max(framing.top, 0);
+  const columns = Math.min(framing.right, framing.photoWidth) - Math.max(framing.left, 0);
+  return Math.min((rows * columns) / area(framing), 1);
+}
+
+/** Part of the photo that the network sees, by area; the rest was cropped away. */
+export function usedFraction(framing: Framing): number {
+  const photo = framing.photoHeight * framing.photoWidth;
+  return Math.min((visibleFraction(framing) * area(framing)) / photo, 1);
+}
+
+function area(framing: Framing): number {
+  return (framing.bottom - framing.top) * (framing.right - framing.left);
+}

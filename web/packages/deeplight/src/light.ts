@@ -1,0 +1,93 @@
+/** What an estimate gives: one light, in the forms that renderers take. */
+import { CONDON_SHORTLEY } from "./contract/generated.ts";
+import { Lighting } from "./light/lighting.ts";
+import type { MainLight } from "./light/main-light.ts";
+import type { Matrix3x3, Vector3 } from "./light/matrix.ts";
+import { hdrFile } from "./save/hdr-file.ts";
+import { type About, jsonFile } from "./save/json-file.ts";
+
+/** Radiance coefficients up to order 2, RGB interleaved, in both signs that are in use. */
+export interface Harmonics {
+  /** All positive: three.js, Ramamoorthi and Hanrahan 2001. */
+  readonly allPositive: Float32Array;
+  /** 1, 3, 5 and 7 negated: ARCore, so WebXR in Chromium. */
+  readonly condonShortley: Float32Array;
+}
+
+/**
+ * Light from all directions in the frame of the camera that saw the photo: +X right, +Y up, +Z
+ * towards the camera. Radiance is linear; 1.0 is where a pixel of the photo just saturates.
+ */
+export class Light {
+  #main: MainLight | undefined;
+
+  constructor(
+    /** On the mirror ball, as the network gives it. */
+    readonly lighting: Lighting,
+    /** Where it comes from; null after `turned`, which leaves the camera's frame. */
+    readonly about: About | null,
+  ) {}
+
+  /** Of the whole environment, the main light included. */
+  get harmonics(): Harmonics {
+    return inBothSigns(this.lighting.harmonics(2));
+  }
+
+  /** What is left for harmonics where the main light is drawn by itself, as in WebXR. */
+  get harmonicsWithoutMainLight(): Harmonics {
+    return inBothSigns(this.remainder.harmonics(2));
+  }
+
+  /** The one light that stands out of its surroundings, and how much of the power it holds. */
+  get mainLight(): MainLight {
+    this.#main ??= this.lighting.mainLight();
+    return this.#main;
+  }
+
+  /** The light without its main light. */
+  get remainder(): Lighting {
+    return Lighting.fromRadiance(this.mainLight.remainder);
+  }
+
+  /** WebXR's `XRLightEstimate`: unit vector towards the main light. */
+  get primaryLightDirection(): Vector3 {
+    return this.mainLight.direction;
+  }
+
+  /** WebXR's: RGB irradiance on a surface that faces the main light. */
+  get primaryLightIntensity(): Vector3 {
+    return this.mainLight.irradiance;
+  }
+
+  /** WebXR's, with the signs that Chromium gives: of the remainder. */
+  get sphericalHarmonicsCoefficients(): Float32Array {
+    return this.harmonicsWithoutMainLight.condonShortley;
+  }
+
+  /** Linear panorama of `height` x 2 `height` RGB pixels: centre = the view, right of it +X, top row up. */
+  environment(height = 256): Float32Array {
+    return this.lighting.equirect(height);
+  }
+
+  /** A Radiance file, as `deeplight estimate` writes it. */
+  hdr(): Blob {
+    return hdrFile(this.lighting);
+  }
+
+  /** The JSON file of `deeplight estimate`. @throws TypeError after `turned`. */
+  json(): Blob {
+    if (!this.about)
+      throw new TypeError("expected a light in its camera's frame, got a turned one");
+    return jsonFile(this.lighting, this.about);
+  }
+
+  /** The same light in another frame: `newFromCamera` takes our directions to that frame's. */
+  turned(newFromCamera: Matrix3x3): Light {
+    return new Light(this.lighting.turned(newFromCamera), null);
+  }
+}
+
+function inBothSigns(allPositive: Float32Array): Harmonics {
+  const condonShortley = allPositive.map((value, i) => value * CONDON_SHORTLEY[Math.floor(i / 3)]!);
+  return { allPositive, condonShortley };
+}

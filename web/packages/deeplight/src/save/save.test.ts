@@ -1,0 +1,122 @@
+/** Files as `deeplight estimate` writes them; tests/parity/test_web_files.py reads them in Python. */
+import { mkdirSync, writeFileSync } from "node:fs";
+import { describe, expect, test } from "vitest";
+import { floats, golden, largestError } from "../../../../tests/golden.ts";
+import { CONTRACT } from "../contract/generated.ts";
+import { Lighting } from "../light/lighting.ts";
+import { encodedHdr, hdrFile } from "./hdr-file.ts";
+import { type About, jsonFile, record } from "./json-file.ts";
+
+const want = golden("photo");
+const lighting = new Lighting(floats(want.log_radiance));
+const about: About = {
+  model: {
+    file: "deeplight.onnx",
+    sha256: want.model_sha256,
+    contract: { ...CONTRACT, trained_on: want.record.model.trained_on },
+  },
+  photo: { file: null, width: want.photo.width, height: want.photo.height },
+  environments: ["photo.exr"],
+};
+
+describe("the JSON file", () => {
+  test("has Python's entries and numbers", () => {
+    const got = JSON.parse(JSON.stringify(record(lighting, about)));
+    expect(Object.keys(got)).toEqual(Object.keys(want.record));
+    const { notes: _, mirror_ball: ball, ...rest } = got;
+    const { notes: __, mirror_ball: wantBall, ...wanted } = want.record;
+    expect(shape(rest)).toEqual(shape(wanted));
+    expect(largestError(numbers(rest), numbers(wanted))).toBeLessThan(2e-4);
+    expect({ ...ball, radiance: undefined }).toEqual({ ...wantBall, radiance: undefined });
+    expect(got.notes).toHaveLength(want.record.notes.length);
+  });
+
+  test("holds the ball exactly", () => {
+    const text = (record(lighting, about) as { mirror_ball: { radiance: string } }).mirror_ball
+      .radiance;
+    expect(floats({ shape: [3072], float32: text })).toEqual(lighting.radiance());
+  });
+});
+
+describe("the .hdr file", () => {
+  const width = 16;
+  const values = Float32Array.from({ length: 3 * width * 4 }, (_, i) =>
+    i < 60 ? 0.25 : 10 ** ((i % 13) - 6) * (1 + (i % 7)),
+  );
+
+  test("steps by at most 1/128 of a pixel's largest channel", () => {
+    const got = decodedHdr(encodedHdr(values, width));
+    values.forEach((value, i) => {
+      const pixel = values.subarray(i - (i % 3), i - (i % 3) + 3);
+      expect(Math.abs(got[i]! - value)).toBeLessThanOrEqual(Math.max(...pixel) / 128);
+    });
+  });
+
+  test("keeps powers of two, black and very bright light", () => {
+    const exact = new Float32Array(3 * 8).fill(0);
+    exact.set([1, 0.5, 2 ** -10, 65536, 4, 2 ** 20]);
+    const got = decodedHdr(encodedHdr(exact, 8));
+    expect([got[0], got[1], got[3], got[5], got[6]]).toEqual([1, 0.5, 65536, 2 ** 20, 0]);
+  });
+
+  test("is 256 x 512", async () => {
+    const text = await hdrFile(lighting).slice(0, 80).text();
+    expect(text).toMatch(/^#\?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 256 \+X 512\n/);
+  });
+});
+
+test("both are left for Python where it asks for them", async () => {
+  const folder = process.env.DEEPLIGHT_WEB_FILES;
+  const files = { "web.hdr": hdrFile(lighting), "web.json": jsonFile(lighting, about) };
+  for (const [name, blob] of Object.entries(files)) {
+    expect(blob.size).toBeGreaterThan(10_000);
+    if (folder === undefined) continue;
+    mkdirSync(folder, { recursive: true });
+    writeFileSync(`${folder}/${name}`, new Uint8Array(await blob.arrayBuffer()));
+  }
+});
+
+/** The structure with every number replaced, to compare words and nesting. */
+function shape(value: unknown): unknown {
+  if (typeof value === "number") return "a number";
+  if (Array.isArray(value)) return value.map(shape);
+  if (value === null || typeof value !== "object") return value;
+  return Object.fromEntries(Object.entries(value).map(([key, entry]) => [key, shape(entry)]));
+}
+
+function numbers(value: unknown): number[] {
+  if (typeof value === "number") return [value];
+  return value === null || typeof value !== "object" ? [] : Object.values(value).flatMap(numbers);
+}
+
+function decodedHdr(file: Uint8Array): Float32Array {
+  const header = new TextDecoder("latin1").decode(file);
+  const [all, height, width] = /^[\s\S]*?\n\n-Y (\d+) \+X (\d+)\n/.exec(header)! as unknown as [
+    string,
+    string,
+    string,
+  ];
+  const [rows, columns] = [Number(height), Number(width)];
+  const result = new Float32Array(3 * rows * columns);
+  let at = all.length;
+  for (let row = 0; row < rows; row++) {
+    expect(Array.from(file.subarray(at, at + 4))).toEqual([2, 2, columns >> 8, columns & 255]);
+    at += 4;
+    const planes = new Uint8Array(4 * columns);
+    for (let filled = 0; filled < planes.length; ) {
+      const count = file[at++]!;
+      const isRun = count > 128;
+      for (let i = 0; i < (isRun ? count - 128 : count); i++)
+        planes[filled++] = file[isRun ? at : at++]!;
+      if (isRun) at++;
+    }
+    for (let i = 0; i < 3 * columns; i++) {
+      const [column, c] = [Math.floor(i / 3), i % 3];
+      const exponent = planes[3 * columns + column]!;
+      const mantissa = planes[c * columns + column]!;
+      result[3 * row * columns + i] = exponent === 0 ? 0 : mantissa * 2 ** (exponent - 136);
+    }
+  }
+  expect(at).toBe(file.length);
+  return result;
+}

@@ -1,0 +1,2 @@
+/** The module that runs in the worker: `deeplight/worker`. */
+import "./estimate/worker.ts";
