@@ -166,6 +166,24 @@ def _cell_means(
         raise ShapeError(f"a photo of shape {expected}", f"{photo.shape}", "frame this photo first")
     row_edges = np.linspace(framing.top, framing.bottom, framing.input_height + 1)
     column_edges = np.linspace(framing.left, framing.right, framing.input_width + 1)
+    return mean_over_cells(photo, row_edges, column_edges)
+
+
+def mean_over_cells(
+    photo: Shaped[np.ndarray, "height width 3"],
+    row_edges: Float[np.ndarray, " rows_plus_1"],
+    column_edges: Float[np.ndarray, " columns_plus_1"],
+) -> Float32[np.ndarray, "rows columns 3"]:
+    """Average a photo over the cells between edges in pixels, exactly; values in [0, 1].
+
+    Edges may lie between pixels and outside the photo, whose border pixels then go on.
+
+    Args:
+        photo: upright, RGB, gamma-encoded: uint8, uint16 or float in [0, 1].
+
+    Raises:
+        ShapeError: the photo's type or range is another.
+    """
     cells = _averages_in_memory_order(photo, row_edges, column_edges)
     cells /= np.float32(_white(photo.dtype))
     if not (cells.min() > -1e-3 and cells.max() < 1 + 1e-3):  # false for nan as well

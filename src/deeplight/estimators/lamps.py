@@ -1,0 +1,255 @@
+"""The compact lights of an estimate: one the network means, and those the photo shows clipped.
+
+A network answers a doubt about direction with a blurred light. Real lamps are small, so what stands
+out around the main direction is one small light (measured: docs/estimate.md). Where the photo shows
+a clipped spot near it, that is the lamp, and its place and size are known.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
+
+from deeplight import latlong, mirror_ball, resample
+from deeplight.camera_response import LUMINANCE
+from deeplight.frames import normalised
+from deeplight.estimate.projection import ProjectedPhoto, smoothstep
+from deeplight.harmonics import dominant_light
+from deeplight.lamp import Lamp, draw_lamps
+from deeplight.lighting import Lighting
+
+CONE_RAD = float(np.radians(70))
+"""The main light is what the estimate has above its median within this angle of its direction."""
+_CONE_EDGE_RAD = float(np.radians(20))  # over which it fades out inside that angle
+LAMP_RADIUS_RAD = float(np.radians(6))
+"""Of a lamp whose size nothing shows."""
+LARGEST_LAMP_RAD = float(np.radians(6))
+"""A clipped area larger than this disc is a window or the sky: it keeps its shape and its power."""
+ROUND = 0.6
+"""And so does one that covers less than this of the disc of its own size."""
+CATCH_RAD = float(np.radians(30))
+"""A clipped area takes the estimate's power from so far around: the ball is no sharper."""
+MOST_LAMPS = 3
+LEAST_OF_STRONGEST = 0.1
+"""A lamp with less of the strongest one's flux is none of its own."""
+_UNSEEN = 0.02  # where less than this of a texel is seen, the photo does not look
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """What an estimate has above its surroundings near its main direction.
+
+    Attributes:
+        rest: the estimate without it.
+        directions: of the pixels that have some.
+        flux: RGB of each, radiance times sr; they sum to the whole less the rest.
+        whole: RGB power of the estimate.
+    """
+
+    rest: Lighting
+    directions: Float32[np.ndarray, "pixels 3"]
+    flux: Float32[np.ndarray, "pixels 3"]
+    whole: Float32[np.ndarray, "3"]
+
+
+def excess_of(lighting: Lighting) -> Excess:
+    """Take out of an estimate what exceeds its own median around its main direction."""
+    directions = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)
+    solid_angle = mirror_ball.solid_angles(lighting.size).reshape(-1, 1)
+    radiance = lighting.radiance.reshape(-1, 3)
+    away = np.arccos((directions @ dominant_light(lighting).direction).clip(-1, 1))
+    near = (away < CONE_RAD) & (solid_angle[:, 0] > 0)
+    # A hard end of the cone would show as an edge in the map.
+    fade = smoothstep((CONE_RAD - away) / _CONE_EDGE_RAD)[:, None] * near[:, None]
+    above = np.maximum(radiance - np.median(radiance[near], 0), 0) * fade
+    rest = Lighting((radiance - above).reshape(lighting.radiance.shape))
+    has = above.max(1) > 0
+    flux = (above * solid_angle)[has].astype(np.float32)
+    return Excess(rest, directions[has].astype(np.float32), flux, lighting.power())
+
+
+@dataclass(frozen=True, eq=False)
+class ClippedArea:
+    """One connected clipped part of the photo, on a latlong.
+
+    Attributes:
+        direction: its middle.
+        solid_angle: in sr.
+        mask: its texels.
+    """
+
+    direction: Float[np.ndarray, "3"]
+    solid_angle: float
+    mask: Bool[np.ndarray, "height width"]
+
+    @property
+    def radius_rad(self) -> float:
+        """Of the disc of the same solid angle."""
+        return float(2 * np.arcsin(np.sqrt(min(self.solid_angle / (4 * np.pi), 1))))
+
+    def lamp(self, flux: Float32[np.ndarray, "3"]) -> Lamp | None:
+        """The lamp that this area is, with that flux; None where it is no small round spot."""
+        if self.radius_rad > LARGEST_LAMP_RAD:
+            return None
+        smallest = np.pi / len(self.mask) / 2
+        disc = draw_lamps([Lamp(self.direction, np.ones(3), max(self.radius_rad, smallest))], len(self.mask))[..., 0]
+        if disc[self.mask].sum() < ROUND * disc.sum():
+            return None
+        return Lamp(self.direction, flux, max(self.radius_rad, smallest))
+
+
+def clipped_areas(
+    clipped: Float32[np.ndarray, "height width"], most: int = 8
+) -> list[ClippedArea]:
+    """The connected clipped parts of the photo, the largest first."""
+    height, width = clipped.shape
+    rows, columns = np.nonzero(clipped > 0.5)
+    if not len(rows):
+        return []
+    labels = _connected(clipped > 0.5)
+    solid_angle = latlong.solid_angles(height, width)
+    areas = np.bincount(labels[rows, columns], solid_angle[rows, columns])
+    found = []
+    for label in np.argsort(-areas)[:most]:
+        if areas[label] <= 0:
+            break
+        mask = labels == label
+        middle = (latlong.directions(height, width)[mask] * solid_angle[mask][:, None]).sum(0)
+        found.append(ClippedArea(normalised(middle.astype(float)), float(areas[label]), mask))
+    return found
+
+
+def _connected(mask: Bool[np.ndarray, "height width"]) -> Int[np.ndarray, "height width"]:
+    """Number the connected parts of a mask, 8 neighbours, left and right edge joined; -1 outside.
+
+    The smallest number spreads along whole runs at once, so a few rounds do.
+    """
+    height, width = mask.shape
+    outside = height * width
+    labels = np.where(mask, np.arange(outside).reshape(height, width), outside)
+    while True:
+        before = labels
+        around = np.pad(labels, ((1, 1), (0, 0)), constant_values=outside)
+        wrapped = np.concatenate([around[:, -1:], around, around[:, :1]], axis=1)
+        for rows in (slice(0, -2), slice(1, -1), slice(2, None)):
+            for first in range(3):
+                labels = np.minimum(labels, wrapped[rows, first : first + width])
+        labels = np.where(mask, labels, outside)
+        for axis in (0, 1):
+            labels = _along_runs(_along_runs(labels, mask, axis), mask, axis, backwards=True)
+        if np.array_equal(labels, before):
+            return np.where(mask, labels, -1)
+
+
+def _along_runs(
+    labels: np.ndarray, mask: np.ndarray, axis: int, backwards: bool = False
+) -> np.ndarray:
+    """The smallest label so far within each run of the mask along an axis."""
+    if backwards:
+        return np.flip(_along_runs(np.flip(labels, axis), np.flip(mask, axis), axis), axis)
+    values, on = (labels.T, mask.T) if axis == 0 else (labels, mask)
+    # Each run gets an offset below all runs before it, so one running minimum serves all of them.
+    runs = np.cumsum(~on, axis=1)
+    span = labels.size + 1
+    least = np.minimum.accumulate(np.where(on, values, span) - runs * span, axis=1) + runs * span
+    result = np.where(on, least, values)
+    return result.T if axis == 0 else result
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLamps:
+    """Where an estimate's excess went.
+
+    Attributes:
+        lamps: compact lights, the strongest first.
+        areas: radiance to add to clipped areas that are no lamps; None where there are none.
+    """
+
+    lamps: tuple[Lamp, ...]
+    areas: Float32[np.ndarray, "height width 3"] | None
+
+
+def find_lamps(excess: Excess, photo: ProjectedPhoto) -> FoundLamps:
+    """Place an estimate's excess: on what the photo shows clipped near it, and outside the photo.
+
+    All of it is placed: flux of lamps and areas sum to the excess's, but what is too faint to be a
+    lamp, which is given to the strongest.
+    """
+    shown = photo.clipped.max(-1) * (photo.seen > 0.5)
+    areas = clipped_areas(shown)
+    nearest = _nearest_area(excess, areas)
+    lamps, raised = [], None
+    for number, area in enumerate(areas):
+        flux = excess.flux[nearest == number].sum(0)
+        lamp = area.lamp(flux) if flux.any() else None
+        if lamp is not None:
+            lamps.append(lamp)
+        elif flux.any():
+            raised = np.zeros_like(photo.radiance) if raised is None else raised
+            raised[area.mask] += (flux / area.solid_angle).astype(np.float32)
+    free = np.where(nearest[:, None] < 0, excess.flux, 0)
+    if free.any():
+        lamps.append(Lamp(_unseen_direction(excess, free, photo), free.sum(0), LAMP_RADIUS_RAD))
+    return FoundLamps(_strongest(lamps), raised)
+
+
+def _strongest(lamps: list[Lamp]) -> tuple[Lamp, ...]:
+    """At most three lamps; the strongest also takes the flux of those left out."""
+    ordered = sorted(lamps, key=lambda lamp: -lamp.luminous_flux)
+    if not ordered:
+        return ()
+    first = ordered[0]
+    kept = [
+        lamp
+        for lamp in ordered[1:MOST_LAMPS]
+        if lamp.luminous_flux > LEAST_OF_STRONGEST * first.luminous_flux
+    ]
+    total = sum((lamp.flux for lamp in ordered), np.zeros(3))
+    flux = total - sum((lamp.flux for lamp in kept), np.zeros(3))
+    return (Lamp(first.direction, np.maximum(flux, 0), first.angular_radius_rad), *kept)
+
+
+def _nearest_area(
+    excess: Excess, areas: Sequence[ClippedArea]
+) -> Int[np.ndarray, " pixels"]:
+    """Which area each pixel of the excess is nearest to; -1 where none is near."""
+    nearest = np.full(len(excess.directions), -1)
+    best = np.full(len(excess.directions), np.cos(CATCH_RAD), np.float32)
+    for number, area in enumerate(areas):
+        texels = latlong.directions(*area.mask.shape)[area.mask]
+        step = max(1, len(texels) // 64)  # a few dozen show its shape well enough
+        closeness = (excess.directions @ texels[::step].T).max(1)
+        nearer = closeness > best
+        nearest[nearer], best[nearer] = number, closeness[nearer]
+    return nearest
+
+
+def _unseen_direction(
+    excess: Excess, flux: Float32[np.ndarray, "pixels 3"], photo: ProjectedPhoto
+) -> Float[np.ndarray, "3"]:
+    """Mean direction of the excess where the photo does not look, or the nearest one there.
+
+    What the photo shows and does not show clipped is no lamp.
+    """
+    seen = resample.shrink(photo.seen[..., None], 64, 128)[..., 0]
+    directions = latlong.directions(64, 128)
+    outside = 1 - _looked_up(seen, excess.directions)
+    luminous = flux @ LUMINANCE
+    weight = luminous * outside if (luminous * outside).any() else luminous
+    direction = normalised((weight @ excess.directions).astype(np.float64))
+    if _looked_up(seen, direction[None])[0] < _UNSEEN or not (seen < _UNSEEN).any():
+        return direction
+    cosine = np.where(seen < _UNSEEN, directions @ direction.astype(np.float32), -2)
+    return normalised(directions[np.unravel_index(cosine.argmax(), seen.shape)].astype(np.float64))
+
+
+def _looked_up(
+    values: Float[np.ndarray, "rows columns"], directions: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    rows, columns = values.shape
+    row, column = latlong.position(directions, rows, columns)
+    found: np.ndarray = values[
+        np.round(row).astype(int).clip(0, rows - 1), np.round(column).astype(int) % columns
+    ]
+    return found

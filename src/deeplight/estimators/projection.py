@@ -1,0 +1,160 @@
+"""The photo's own pixels on the sphere: what the camera saw is known, not estimated."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from deeplight.camera import PinholeCamera
+from deeplight.camera_response import CameraResponse
+from deeplight.preprocess import mean_over_cells
+
+CLIPPED = 251 / 255
+"""From this pixel value on a channel may be clipped: compression moves white by a few levels."""
+MOST_SHOWN = 1.05
+"""Radiance that a clipped pixel is taken for, before more is known: just over the camera's white."""
+FEATHER = 0.03
+"""Width of the photo's soft edge, as part of half its shorter side; at least 1.5 texels."""
+_PIXELS_PER_TEXEL = 3  # along a side: a finer photo is averaged first, still gamma-encoded
+_SAMPLES = 3  # along a side of a texel
+_RESPONSE = CameraResponse()
+
+
+@dataclass(frozen=True)
+class ImagePlane:
+    """The rectangle that a photo fills on the plane at distance 1 before the camera, from its axis.
+
+    Attributes:
+        left, right, bottom, top: tangents, right and up positive.
+    """
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+    @classmethod
+    def centred(cls, height: int, width: int, vertical_fov_rad: float) -> Self:
+        """Of a whole photo, whose middle the optical axis passes through."""
+        half_width, half_height = PinholeCamera(width, height, vertical_fov_rad).tangents
+        return cls(-half_width, half_width, -half_height, half_height)
+
+    @property
+    def shorter(self) -> float:
+        """The shorter of width and height."""
+        return min(self.right - self.left, self.top - self.bottom)
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedPhoto:
+    """A photo on a latlong: linear radiance where the camera looked, 0 elsewhere.
+
+    Attributes:
+        radiance: relative to the camera's white; clipped pixels have at most `MOST_SHOWN`.
+        seen: 1 where the photo shows the texel, falling to 0 at the photo's edge and outside.
+        clipped: part of the texel, 0 to 1, where each channel may be clipped.
+    """
+
+    radiance: Float32[np.ndarray, "height width 3"]
+    seen: Float32[np.ndarray, "height width"]
+    clipped: Float32[np.ndarray, "height width 3"]
+
+
+def project_photo(
+    pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane, height: int
+) -> ProjectedPhoto:
+    """Resample a photo to a latlong of `height` rows, each texel the mean of what it covers.
+
+    Args:
+        pixels: upright, gamma-encoded.
+        plane: where they lie.
+        height: rows of the latlong.
+    """
+    encoded = _reduced(pixels, plane, height)
+    linear = np.minimum(_RESPONSE.radiance_from_pixel(encoded), MOST_SHOWN)
+    values = np.concatenate([linear, (encoded >= CLIPPED).astype(np.float32)], axis=-1)
+    rows, columns = _touched(plane, height)
+    x, y = _plane_positions(rows, columns, height)
+    to_side = np.minimum(x - plane.left, plane.right - x)
+    to_end = np.minimum(y - plane.bottom, plane.top - y)
+    inside = ((to_side >= 0) & (to_end >= 0)).astype(np.float32)[..., None]
+    across = (x - plane.left) / (plane.right - plane.left)
+    down = (plane.top - y) / (plane.top - plane.bottom)
+    means = (_looked_up(values, across, down) * inside).sum(1) / np.maximum(inside.sum(1), 1)
+    edge = max(FEATHER * plane.shorter / 2, 1.5 * np.pi / height)
+    soft = smoothstep(to_side / edge) * smoothstep(to_end / edge)
+    result = np.zeros((height, 2 * height, 7), np.float32)
+    result[rows, columns, :6] = means
+    result[rows, columns, 6] = soft.mean(1)
+    return ProjectedPhoto(result[..., :3], result[..., 6], result[..., 3:6])
+
+
+def _reduced(
+    pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane, height: int
+) -> Float32[np.ndarray, "new_rows new_columns 3"]:
+    """The photo in [0, 1], averaged to some three pixels along a texel if it is much finer."""
+    focal = pixels.shape[0] / (plane.top - plane.bottom)
+    factor = focal * np.pi / height / _PIXELS_PER_TEXEL
+    if factor < 1.5:
+        return pixels.astype(np.float32) / np.float32(255)
+    shape = [max(2, round(side / factor)) for side in pixels.shape[:2]]
+    edges = [
+        np.linspace(0, side, count + 1) for side, count in zip(pixels.shape[:2], shape, strict=True)
+    ]
+    return mean_over_cells(pixels, *edges)
+
+
+def _touched(plane: ImagePlane, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the texels that the photo may touch, and a few around it."""
+    texel = np.pi / height
+    phi = (np.arange(2 * height) + 0.5) * texel - np.pi
+    low, high = np.arctan(plane.left) - texel, np.arctan(plane.right) + texel
+    columns = np.flatnonzero((phi > low) & (phi < high))
+    # On the plane a direction lies at (tan phi, cot theta / cos phi): the photo's horizontal
+    # edges are highest where the cosine is largest.
+    elevation = np.pi / 2 - (np.arange(height) + 0.5) * texel
+    cosine = np.cos(phi[columns])
+    wide = np.minimum(np.cos(np.abs(phi[columns]) - texel), 1)
+    up = np.arctan(plane.top * np.where(plane.top > 0, wide, cosine)) + texel
+    low_edge = np.arctan(plane.bottom * np.where(plane.bottom < 0, wide, cosine)) - texel
+    touched = (elevation[:, None] < up) & (elevation[:, None] > low_edge)
+    rows, chosen = np.nonzero(touched)
+    return rows, columns[chosen]
+
+
+def _plane_positions(
+    rows: np.ndarray, columns: np.ndarray, height: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Right and up on the image plane at distance 1, of samples within each texel."""
+    texel = np.pi / height
+    steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    down, along = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
+    phi = (columns[:, None] + along) * texel - np.pi
+    front = np.cos(phi)
+    ahead = front > 1e-6
+    safe = np.where(ahead, front, 1.0)
+    x = np.where(ahead, np.sin(phi) / safe, np.inf)
+    y = np.where(ahead, 1 / np.tan((rows[:, None] + down) * texel) / safe, np.inf)
+    return x, y
+
+
+def _looked_up(values: np.ndarray, across: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """Bilinear values at positions 0 to 1 from the upper left; outside, the edge goes on."""
+    height, width, _ = values.shape
+    column = np.clip(across * width - 0.5, 0, width - 1)
+    row = np.clip(down * height - 0.5, 0, height - 1)
+    left, top = column.astype(np.int32), row.astype(np.int32)
+    right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    right_part = (column - left).astype(np.float32)[..., None]
+    low_part = (row - top).astype(np.float32)[..., None]
+    upper = values[top, left] * (1 - right_part) + values[top, right] * right_part
+    lower = values[bottom, left] * (1 - right_part) + values[bottom, right] * right_part
+    found: np.ndarray = upper * (1 - low_part) + lower * low_part
+    return found
+
+
+def smoothstep(t: np.ndarray) -> np.ndarray:
+    t = np.clip(t, 0, 1)
+    result: np.ndarray = t * t * (3 - 2 * t)
+    return result

@@ -1,0 +1,161 @@
+"""What lies around the photo: the network's ball as a smooth panorama that takes the photo's edge on.
+
+The ball's rim, straight ahead, is one direction drawn out to a circle: enlarged, it gives spokes, a
+star. There the map is smoothed on the sphere. And next to the photo it is brought to what the photo
+shows at its edge, fading with the angle, so that no seam remains.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from deeplight import latlong, mirror_ball, resample
+from deeplight.camera_response import CameraResponse
+from deeplight.frames import normalised
+from deeplight.preprocess import mean_over_cells
+from deeplight.estimate.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
+
+_ROWS = 48
+"""Rows at which the map is made: a texel is the size of the ball's finest pixel."""
+_BLUR_RAD = float(np.radians(5))
+"""Width of the map's smallest detail, about the ball's own."""
+_STAR_BLUR_RAD = float(np.radians(16))
+"""The same straight ahead, where the ball's outermost pixels are forty degrees long."""
+_STAR_FROM_RAD, _STAR_TO_RAD = np.radians(100), np.radians(150)
+"""From straight behind: the width grows between these angles."""
+_RING_CELLS = 24  # along the photo's shorter side: the outermost are its edge
+_EDGE_ROWS = 128  # at which the change along the photo is made
+REACH_RAD = float(np.radians(40))
+"""So far from the photo's edge the map is adapted to it."""
+_MOST_ADAPTED = np.log(8.0)
+_DARKEST = 1e-3
+
+
+def smooth_map(
+    ball: Float[np.ndarray, "size size 3"], height: int
+) -> Float32[np.ndarray, "height width 3"]:
+    """A panorama of the ball without pixels and without spokes straight ahead.
+
+    Linear in the ball; each ball pixel's power is kept, and even light stays even.
+    """
+    small = _spreading(len(ball)) @ ball.reshape(-1, 3).astype(np.float32)
+    small = small.reshape(_ROWS, 2 * _ROWS, 3)
+    weights = latlong.solid_angles(_ROWS, 2 * _ROWS).astype(np.float32)
+    power = np.einsum("ij,ijc->c", weights, small)
+    return kept_power(enlarged(small, height), power)
+
+
+def enlarged(
+    small: Float32[np.ndarray, "rows columns channels"], height: int
+) -> Float32[np.ndarray, "height width channels"]:
+    """Bilinear between the texels of a coarser panorama, around the back."""
+    rows, columns, _ = small.shape
+    if rows == height:
+        return small
+    at = (np.arange(height) + 0.5) * (rows / height) - 0.5
+    top, down = _taps(np.clip(at, 0, rows - 1), rows)
+    between = small[top] * (1 - down[:, None, None]) + small[(top + 1).clip(0, rows - 1)] * (
+        down[:, None, None]
+    )
+    at = (np.arange(2 * height) + 0.5) * (columns / (2 * height)) - 0.5
+    left, across = _taps(at, columns)
+    across = across[None, :, None]
+    result: np.ndarray = between[:, left % columns] * (1 - across)
+    result += between[:, (left + 1) % columns] * across
+    return result
+
+
+def kept_power(
+    radiance: Float32[np.ndarray, "height width 3"], power: Float32[np.ndarray, "3"]
+) -> Float32[np.ndarray, "height width 3"]:
+    """The panorama times what brings each channel's sum over the sphere to `power`."""
+    weights = latlong.solid_angles(*radiance.shape[:2]).astype(np.float32)
+    has = np.einsum("ij,ijc->c", weights, radiance)
+    return radiance * (power / np.maximum(has, 1e-30)).astype(np.float32)
+
+
+def adapted(
+    surroundings: Float32[np.ndarray, "height width 3"],
+    pixels: UInt8[np.ndarray, "rows columns 3"],
+    plane: ImagePlane,
+) -> Float32[np.ndarray, "height width 3"]:
+    """The map brought to what the photo shows at its edge, less and less away from it.
+
+    The ratio of photo and map along the edge is interpolated in logarithms with weights that fall
+    with the angle (Shepard 1968), so that near the edge it is the edge's own.
+    """
+    directions, radiance, clipped = _edge(pixels, plane)
+    small = resample.shrink_latlong(surroundings, min(_EDGE_ROWS, len(surroundings)))
+    here = np.maximum(resample.sample_latlong(small, directions), _DARKEST)
+    ratio = np.log(np.maximum(radiance, _DARKEST) / here).clip(-_MOST_ADAPTED, _MOST_ADAPTED)
+    ratio = np.where(clipped, np.maximum(ratio, 0), ratio)  # there the photo only says "at least"
+    rows, columns, _ = small.shape
+    texels = latlong.directions(rows, columns).reshape(-1, 3)
+    middle = normalised(directions.mean(0))
+    farthest = np.arccos((directions @ middle).min().clip(-1, 1)) + REACH_RAD
+    near = np.flatnonzero(texels @ middle.astype(np.float32) > np.cos(min(farthest, np.pi)))
+    cosine = np.clip(texels[near] @ directions.T.astype(np.float32), -1, 1)
+    squared = 2 - 2 * cosine  # the chord's: as good as the angle's, and cheaper
+    spacing = plane.shorter / _RING_CELLS
+    weight = 1 / (squared + np.float32(spacing**2 / 4)) ** 1.5
+    change = np.zeros((rows * columns, 3), np.float32)
+    away = 2 * np.arcsin(np.sqrt(squared.min(1)) / 2)
+    fade = smoothstep(1 - away / REACH_RAD)
+    mean = (weight @ ratio.astype(np.float32)) / weight.sum(1, keepdims=True)
+    change[near] = mean * fade[:, None]
+    factor = enlarged(change.reshape(rows, columns, 3), len(surroundings))
+    result: np.ndarray = surroundings * np.exp(factor)
+    return result
+
+
+def _edge(
+    pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Directions, linear radiance and whether it is clipped, of cells along the photo's edge."""
+    height, width, _ = pixels.shape
+    cell = min(height, width) / _RING_CELLS
+    counts = max(3, round(height / cell)), max(3, round(width / cell))
+    edges = [np.linspace(0, n, c + 1) for n, c in zip((height, width), counts, strict=True)]
+    encoded = mean_over_cells(pixels, *edges)
+    y = plane.top + (np.arange(counts[0]) + 0.5) * ((plane.bottom - plane.top) / counts[0])
+    x = plane.left + (np.arange(counts[1]) + 0.5) * ((plane.right - plane.left) / counts[1])
+    rays = normalised(np.stack([*np.meshgrid(x, y), np.full(counts, -1.0)], -1))
+    ring = np.ones(counts, bool)
+    ring[1:-1, 1:-1] = False
+    values = encoded[ring]
+    linear = np.minimum(CameraResponse().radiance_from_pixel(values), MOST_SHOWN)
+    return rays[ring], linear, values > 0.9 * CLIPPED
+
+
+@lru_cache(maxsize=2)
+def _spreading(size: int) -> Float32[np.ndarray, "texels pixels"]:
+    """How each texel of the map is mixed from the ball's pixels.
+
+    Smooth lobes, brought by turns to rows that sum to 1, so that even light stays even, and to
+    columns that hold their pixel's solid angle, so that its power is kept (Sinkhorn 1964).
+    """
+    texels = latlong.directions(_ROWS, 2 * _ROWS).reshape(-1, 3)
+    width = _BLUR_RAD + (_STAR_BLUR_RAD - _BLUR_RAD) * smoothstep(
+        (np.arccos(texels[:, 2].clip(-1, 1)) - _STAR_FROM_RAD) / (_STAR_TO_RAD - _STAR_FROM_RAD)
+    )
+    sharpness = (1 / width**2).astype(np.float32)[:, None]
+    directions, inside = mirror_ball.subpixels(size, 2)
+    kernel = np.zeros((len(texels), size * size), np.float32)
+    for sample in range(directions.shape[1]):
+        cosine = texels @ directions[:, sample].T.astype(np.float32)
+        kernel += np.exp((cosine - 1) * sharpness) * inside[:, sample].astype(np.float32)
+    lit = mirror_ball.solid_angles(size).ravel().astype(np.float32)
+    kernel[:, lit == 0] = 0
+    weights = latlong.solid_angles(_ROWS, 2 * _ROWS).reshape(-1).astype(np.float32)
+    for _ in range(12):
+        kernel /= kernel.sum(1, keepdims=True)
+        held = weights @ kernel
+        kernel *= np.divide(lit, held, out=np.zeros_like(lit), where=held > 0)
+    kernel.setflags(write=False)
+    return kernel
+
+
+def _taps(at: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    first = np.floor(at).astype(int)
+    return first, (at - first).astype(np.float32)
