@@ -11,7 +11,7 @@ from PIL import Image
 
 from deeplight.cli.main import main
 from deeplight.io import lighting_file
-from deeplight.io.environment_file import load_lighting
+from deeplight.io.environment_file import load_lighting, read_environment
 from deeplight.io.radiance import read_hdr, write_exr
 
 RESULTS = {".exr", ".json", ".preview.png"}
@@ -64,13 +64,41 @@ def test_a_photo_gives_environment_description_and_preview(photos, estimate, tmp
 def test_the_light_is_the_networks(photos, estimate, tmp_path):
     """The tiny model gives the photo's mean colour from everywhere, and a lamp."""
     Image.new("RGB", (300, 400), (200, 100, 50)).save(photos / "flat.png")
-    assert estimate(photos / "flat.png", "--fov", 66) == 0
+    assert estimate(photos / "flat.png", "--fov", 66, "--light-only") == 0
     lighting = load_lighting(tmp_path / "out/flat.json")
     np.testing.assert_allclose(
         lighting.radiance[20, 16], (np.array([200, 100, 50]) / 255) ** 2.2, rtol=1e-3
     )
     lamp = lighting.radiance[8, 24] / lighting.radiance[20, 16]
     np.testing.assert_allclose(lamp, np.exp(5), rtol=1e-3)
+
+
+def test_the_photo_stands_in_its_environment(photos, estimate, tmp_path):
+    """And the lamp of the tiny model, up to the right behind, is a light of its own."""
+    Image.new("RGB", (300, 400), (200, 100, 50)).save(photos / "flat.png")
+    assert estimate(photos / "flat.png", "--fov", 66, "--seen", "--height", 128) == 0
+    environment = read_environment(tmp_path / "out/flat.json")
+    whole = read_hdr(tmp_path / "out/flat.exr")
+    assert whole.shape == (128, 256, 3)
+    np.testing.assert_array_equal(environment.radiance, whole)
+    shown = (np.array([200, 100, 50]) / 255) ** 2.2
+    np.testing.assert_allclose(whole[64, 128], shown, rtol=1e-3)
+    assert environment.seen[64, 128] == 1
+    assert environment.seen[:, :64].max() == 0
+    record = json.loads((tmp_path / "out/flat.json").read_text())
+    (lamp,) = record["lamps"]["lamps"]
+    assert lamp["direction"][0] > 0.5
+    assert estimate(photos / "flat.png", "--fov", 66, "--lamps-apart", "--height", 128) == 0
+    rest = read_hdr(tmp_path / "out/flat.exr")
+    assert rest.max() < 0.2 * whole.max()
+    again = read_environment(tmp_path / "out/flat.json").radiance  # with its lamps, not twice
+    np.testing.assert_allclose(again, whole, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("words", [["--height", 63], ["--light-only", "--lamps-apart"]])
+def test_options_that_cannot_be_are_refused(photos, estimate, capsys, words):
+    assert estimate(photos / "scene.jpg", *words) == 2
+    assert "--" in capsys.readouterr().err
 
 
 def test_a_given_field_of_view_is_used_and_a_narrow_one_is_told(photos, estimate, tmp_path, capsys):

@@ -3,13 +3,22 @@
 deeplight estimate photo.jpg --out out
 
 deeplight estimate photos/ clip.mp4 --out out --for blender
+
+Where the camera looked, the environment is the photo itself; elsewhere it is the network's
+estimate, and what stands out of that becomes compact lamps, listed in the JSON.
 """
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
+from rich.markup import escape
+
+if TYPE_CHECKING:
+    from deeplight.estimators.batch import SourceDone
 
 
 @dataclass(frozen=True)
@@ -23,6 +32,8 @@ class Args:
     fov: float | None = None
     """Vertical field of view of the upright photo in degrees. Default: from EXIF, else 66 degrees
     along the long side."""
+    height: int = 256
+    """Rows of the environment, 64 to 2048."""
     model: Path | None = None
     """Use this .onnx or .tflite file instead of the model that comes with deeplight."""
     made_for: Annotated[
@@ -30,24 +41,79 @@ class Args:
         tyro.conf.arg(name="for"),
     ] = None
     """Turn the environment for this tool; webxr adds <stem>.webxr.json instead."""
+    light_only: bool = False
+    """Write what the network estimates alone: no photo in it, no lamps."""
+    lamps_apart: bool = False
+    """Leave the lamps out of the environment, for who adds them as lights from the JSON."""
+    seen: bool = False
+    """Write what the photo shows, 0 to 1, as a further channel `seen` of the .exr."""
     hdr: bool = False
     """Also write <stem>.hdr (Radiance RGBE)."""
 
 
 def run(args: Args) -> None:
-    """Estimate all that can be; of the rest tell why not, one line each."""
-    from deeplight.cli.estimate_batch import Batch
-    from deeplight.errors import ConfigError
+    """Estimate all that can be; of the rest say why not, one line each."""
+    from deeplight.cli.main import told
+    from deeplight.cli.screen import progress_bar, results_console
+    from deeplight.errors import ConfigError, InputError
+    from deeplight.estimators.batch import BatchSettings, SourceDone, estimate_batch
     from deeplight.estimators.open import open_model
+    from deeplight.estimators.sources import Source
 
     if not args.photos:
         raise ConfigError("at least one photo, folder or video", "none", "name one")
-    if args.fov is not None and not 0 < args.fov < 180:
-        raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
-    Batch(
-        estimator=open_model(args.model),
-        out=args.out,
+    settings = BatchSettings(
         fov_deg=args.fov,
+        height=args.height,
+        light_only=args.light_only,
+        lamps_apart=args.lamps_apart,
         made_for=args.made_for,
         hdr=args.hdr,
-    ).run(args.photos)
+        seen_channel=args.seen,
+    )
+    estimator = open_model(args.model)
+    done: list[SourceDone] = []
+    single = len(args.photos) == 1 and not args.photos[0].is_dir()
+    try:
+        with progress_bar("estimating", quiet=single) as bar:
+
+            def start(source: Source, number: int, total: int) -> None:
+                bar.expect(total)
+                bar.name(source.path.name)
+                bar(int(number > 1))
+
+            def complain(error: InputError | OSError) -> None:
+                message = told(error) if isinstance(error, OSError) else str(error)
+                line = f"deeplight estimate: {' '.join(message.split())}"
+                bar.console.print(escape(line))
+
+            estimate_batch(
+                estimator,
+                args.photos,
+                args.out,
+                settings,
+                on_done=done.append,
+                on_failure=complain,
+                on_start=start,
+            )
+    finally:
+        console = results_console()
+        for line in _lines(done):  # after the bar, so that neither is drawn over the other
+            console.print(line)
+
+
+def _lines(done: Sequence["SourceDone"]) -> list[str]:
+    """A line for each photo or video, then what the user should know, once for all of them."""
+    lines = []
+    notes: Counter[str] = Counter()
+    for one in done:
+        if one.count > 1:
+            made = f"{one.count} frames: {one.first[0]} to {one.last[0].name}"
+        else:
+            made = ", ".join([str(one.first[0]), *(file.name for file in one.first[1:])])
+        lines.append(f"{escape(str(one.source.path))} -> {escape(made)}")
+        notes.update(one.notes)
+    for note, count in notes.items():
+        of_how_many = f"{count} of {len(done)}: " if len(done) > 1 else ""
+        lines.append(f"  [dim]{of_how_many}{escape(note)}[/dim]")
+    return lines

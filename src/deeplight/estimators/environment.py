@@ -1,25 +1,29 @@
 """One photo's environment: the photo where the camera looked, the network elsewhere, and lamps."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from deeplight.estimate.lamps import excess_of, find_lamps
-from deeplight.estimate.projection import ImagePlane, project_photo
-from deeplight.estimate.surroundings import adapted, smooth_map
+from deeplight.environment import Environment
+from deeplight.errors import ConfigError
+from deeplight.estimators.lamps import find_lamps
+from deeplight.estimators.network import Estimate
+from deeplight.estimators.projection import ImagePlane, project_photo
+from deeplight.estimators.surroundings import adapted, smooth_map
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
 
 HEIGHT = 256
 """Rows of an environment unless another number is asked for."""
 HEIGHTS = (64, 2048)
-"""The fewest and the most."""
+"""The fewest and the most; a number between them must be a multiple of 2, for quarter turns."""
 
 
 @dataclass(frozen=True, eq=False)
 class SceneLight:
-    """A scene's light in the parts that a renderer takes: a panorama and lamps.
+    """A scene's light in the parts that renderers take: a panorama and lamps.
 
     Attributes:
         rest: the panorama without the lamps, linear, camera frame.
@@ -31,10 +35,35 @@ class SceneLight:
     lamps: tuple[Lamp, ...]
     seen: Float32[np.ndarray, "height width"]
 
-    @property
-    def radiance(self) -> Float32[np.ndarray, "height width 3"]:
-        """The panorama with the lamps in it, each at its size."""
-        return self.rest + draw_lamps(self.lamps, len(self.rest))
+    @cached_property
+    def environment(self) -> Environment:
+        """Everything in one panorama, each lamp at its place and size."""
+        return Environment(self.rest + draw_lamps(self.lamps, len(self.rest)), self.seen)
+
+
+def scene_light(estimate: Estimate, height: int = HEIGHT) -> SceneLight:
+    """Put a photo into the light that was estimated from it.
+
+    Args:
+        estimate: of `NetworkEstimator.explain`.
+        height: rows of the panorama, 64 to 2048.
+
+    Raises:
+        ConfigError: another number of rows.
+    """
+    check_height(height)
+    pixels, fov = estimate.photo.pixels, estimate.framing.vertical_fov_rad
+    height_px, width_px, _ = pixels.shape
+    plane = ImagePlane.centred(height_px, width_px, fov)
+    return assemble(estimate.lighting, pixels, plane, height)
+
+
+def check_height(height: int) -> None:
+    """Raise ConfigError unless an environment can have this number of rows."""
+    fewest, most = HEIGHTS
+    if not fewest <= height <= most or height % 2:
+        expected = f"an even number of rows from {fewest} to {most}"
+        raise ConfigError(expected, f"{height}", "correct --height")
 
 
 def assemble(
@@ -43,24 +72,21 @@ def assemble(
     plane: ImagePlane,
     height: int = HEIGHT,
 ) -> SceneLight:
-    """Put a photo into the light that a network estimates from it.
+    """Put a photo that fills `plane` into a light estimated from it.
 
     Where the camera looked the photo's own pixels stand, its tone curve undone, and clipped ones
     have at least the estimate's radiance. Elsewhere the light is the estimate's, next to the photo
-    brought to what it shows at its edge. What stands out of the estimate becomes compact lights.
+    brought to what that shows at its edge. What stands out of the estimate becomes compact lights.
 
     Args:
-        lighting: the network's estimate.
-        pixels: the photo, upright, gamma-encoded.
-        plane: where the photo lies before the camera.
+        lighting: the estimate, camera frame.
+        pixels: upright, gamma-encoded.
+        plane: where they lie before the camera.
         height: rows of the panorama.
     """
     photo = project_photo(pixels, plane, height)
-    excess = excess_of(lighting)
-    found = find_lamps(excess, photo)
-    around = adapted(smooth_map(excess.rest.radiance, height), pixels, plane)
-    shown = photo.radiance + photo.clipped * np.maximum(around - photo.radiance, 0)
-    if found.areas is not None:
-        shown += found.areas
+    found = find_lamps(lighting, photo)
+    around = adapted(smooth_map(found.rest.radiance, height), pixels, plane)
+    shown = photo.radiance + photo.clipped * np.maximum(around - photo.radiance, 0) + found.areas
     rest = around + (shown - around) * photo.seen[..., None]
     return SceneLight(rest, found.lamps, photo.seen)

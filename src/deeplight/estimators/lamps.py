@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
-from deeplight import latlong, mirror_ball, resample
 from deeplight.camera_response import LUMINANCE
+from deeplight.estimators.projection import ProjectedPhoto, smoothstep
 from deeplight.frames import normalised
-from deeplight.estimate.projection import ProjectedPhoto, smoothstep
 from deeplight.harmonics import dominant_light
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong, mirror_ball, resample
 
 CONE_RAD = float(np.radians(70))
 """The main light is what the estimate has above its median within this angle of its direction."""
@@ -31,26 +31,38 @@ ROUND = 0.6
 CATCH_RAD = float(np.radians(30))
 """A clipped area takes the estimate's power from so far around: the ball is no sharper."""
 MOST_LAMPS = 3
-LEAST_OF_STRONGEST = 0.1
-"""A lamp with less of the strongest one's flux is none of its own."""
+LEAST_SHARE = 0.03
+"""A light with less of the scene's luminous power stays in the map."""
 _UNSEEN = 0.02  # where less than this of a texel is seen, the photo does not look
 
 
 @dataclass(frozen=True, eq=False)
 class Excess:
-    """What an estimate has above its surroundings near its main direction.
+    """What an estimate has above its surroundings near its main direction, pixel by pixel.
 
     Attributes:
         rest: the estimate without it.
-        directions: of the pixels that have some.
-        flux: RGB of each, radiance times sr; they sum to the whole less the rest.
-        whole: RGB power of the estimate.
+        pixels: indices of the ball's pixels that have some.
+        directions: of these.
+        flux: RGB of each, radiance times sr; they sum to the power of the whole less the rest.
     """
 
     rest: Lighting
+    pixels: Int[np.ndarray, " pixels"]
     directions: Float32[np.ndarray, "pixels 3"]
     flux: Float32[np.ndarray, "pixels 3"]
-    whole: Float32[np.ndarray, "3"]
+
+    @property
+    def power(self) -> float:
+        """Luminous power of the whole estimate."""
+        return float((self.rest.power() + self.flux.sum(0)) @ LUMINANCE)
+
+    def with_returned(self, flux: Float32[np.ndarray, "pixels 3"]) -> Lighting:
+        """The rest with part of the excess put back where it was."""
+        solid_angle = mirror_ball.solid_angles(self.rest.size).reshape(-1, 1)[self.pixels]
+        radiance = self.rest.radiance.reshape(-1, 3).copy()
+        radiance[self.pixels] += (flux / solid_angle).astype(np.float32)
+        return Lighting(radiance.reshape(self.rest.radiance.shape))
 
 
 def excess_of(lighting: Lighting) -> Excess:
@@ -64,9 +76,9 @@ def excess_of(lighting: Lighting) -> Excess:
     fade = smoothstep((CONE_RAD - away) / _CONE_EDGE_RAD)[:, None] * near[:, None]
     above = np.maximum(radiance - np.median(radiance[near], 0), 0) * fade
     rest = Lighting((radiance - above).reshape(lighting.radiance.shape))
-    has = above.max(1) > 0
-    flux = (above * solid_angle)[has].astype(np.float32)
-    return Excess(rest, directions[has].astype(np.float32), flux, lighting.power())
+    pixels = np.flatnonzero(above.max(1) > 0)
+    flux = (above * solid_angle)[pixels].astype(np.float32)
+    return Excess(rest, pixels, directions[pixels].astype(np.float32), flux)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,18 +102,13 @@ class ClippedArea:
 
     def lamp(self, flux: Float32[np.ndarray, "3"]) -> Lamp | None:
         """The lamp that this area is, with that flux; None where it is no small round spot."""
-        if self.radius_rad > LARGEST_LAMP_RAD:
-            return None
-        smallest = np.pi / len(self.mask) / 2
-        disc = draw_lamps([Lamp(self.direction, np.ones(3), max(self.radius_rad, smallest))], len(self.mask))[..., 0]
-        if disc[self.mask].sum() < ROUND * disc.sum():
-            return None
-        return Lamp(self.direction, flux, max(self.radius_rad, smallest))
+        lamp = Lamp(self.direction, flux, max(self.radius_rad, np.pi / len(self.mask) / 2))
+        disc = draw_lamps([lamp], len(self.mask)).sum(-1)
+        is_round = disc[self.mask].sum() > ROUND * disc.sum()
+        return lamp if is_round and self.radius_rad <= LARGEST_LAMP_RAD else None
 
 
-def clipped_areas(
-    clipped: Float32[np.ndarray, "height width"], most: int = 8
-) -> list[ClippedArea]:
+def clipped_areas(clipped: Float32[np.ndarray, "height width"], most: int = 8) -> list[ClippedArea]:
     """The connected clipped parts of the photo, the largest first."""
     height, width = clipped.shape
     rows, columns = np.nonzero(clipped > 0.5)
@@ -159,60 +166,47 @@ def _along_runs(
 
 @dataclass(frozen=True, eq=False)
 class FoundLamps:
-    """Where an estimate's excess went.
+    """Where an estimate's excess went; lamps, areas and rest together hold the estimate's power.
 
     Attributes:
         lamps: compact lights, the strongest first.
-        areas: radiance to add to clipped areas that are no lamps; None where there are none.
+        areas: radiance of clipped areas beyond the map, that are no lamps.
+        rest: the estimate without these.
     """
 
     lamps: tuple[Lamp, ...]
-    areas: Float32[np.ndarray, "height width 3"] | None
+    areas: Float32[np.ndarray, "height width 3"]
+    rest: Lighting
 
 
-def find_lamps(excess: Excess, photo: ProjectedPhoto) -> FoundLamps:
-    """Place an estimate's excess: on what the photo shows clipped near it, and outside the photo.
+def find_lamps(lighting: Lighting, photo: ProjectedPhoto) -> FoundLamps:
+    """Place what stands out of an estimate: on what the photo shows clipped near it, and elsewhere.
 
-    All of it is placed: flux of lamps and areas sum to the excess's, but what is too faint to be a
-    lamp, which is given to the strongest.
+    Elsewhere it is one lamp outside the photo, if it holds a fair share of the power.
     """
-    shown = photo.clipped.max(-1) * (photo.seen > 0.5)
-    areas = clipped_areas(shown)
-    nearest = _nearest_area(excess, areas)
-    lamps, raised = [], None
-    for number, area in enumerate(areas):
-        flux = excess.flux[nearest == number].sum(0)
-        lamp = area.lamp(flux) if flux.any() else None
+    excess = excess_of(lighting)
+    shown = clipped_areas(photo.clipped.max(-1) * (photo.seen > 0.5))
+    nearest = _nearest_area(excess, shown)
+    free = np.where(nearest[:, None] < 0, excess.flux, 0).astype(np.float32)
+    lamps = []
+    if float(free.sum(0) @ LUMINANCE) > LEAST_SHARE * excess.power:
+        lamps.append(Lamp(_unseen_direction(excess, free, photo), free.sum(0), LAMP_RADIUS_RAD))
+        free = np.zeros_like(free)
+    areas = np.zeros_like(photo.radiance)
+    fluxes = [excess.flux[nearest == number].sum(0) for number in range(len(shown))]
+    for number in sorted(range(len(shown)), key=lambda i: -float(fluxes[i] @ LUMINANCE)):
+        area, flux = shown[number], fluxes[number]
+        strong = float(flux @ LUMINANCE) > LEAST_SHARE * excess.power and len(lamps) < MOST_LAMPS
+        lamp = area.lamp(flux) if strong else None
         if lamp is not None:
             lamps.append(lamp)
-        elif flux.any():
-            raised = np.zeros_like(photo.radiance) if raised is None else raised
-            raised[area.mask] += (flux / area.solid_angle).astype(np.float32)
-    free = np.where(nearest[:, None] < 0, excess.flux, 0)
-    if free.any():
-        lamps.append(Lamp(_unseen_direction(excess, free, photo), free.sum(0), LAMP_RADIUS_RAD))
-    return FoundLamps(_strongest(lamps), raised)
+        else:
+            areas[area.mask] += (flux / area.solid_angle).astype(np.float32)
+    lamps.sort(key=lambda lamp: -lamp.luminous_flux)
+    return FoundLamps(tuple(lamps), areas, excess.with_returned(free))
 
 
-def _strongest(lamps: list[Lamp]) -> tuple[Lamp, ...]:
-    """At most three lamps; the strongest also takes the flux of those left out."""
-    ordered = sorted(lamps, key=lambda lamp: -lamp.luminous_flux)
-    if not ordered:
-        return ()
-    first = ordered[0]
-    kept = [
-        lamp
-        for lamp in ordered[1:MOST_LAMPS]
-        if lamp.luminous_flux > LEAST_OF_STRONGEST * first.luminous_flux
-    ]
-    total = sum((lamp.flux for lamp in ordered), np.zeros(3))
-    flux = total - sum((lamp.flux for lamp in kept), np.zeros(3))
-    return (Lamp(first.direction, np.maximum(flux, 0), first.angular_radius_rad), *kept)
-
-
-def _nearest_area(
-    excess: Excess, areas: Sequence[ClippedArea]
-) -> Int[np.ndarray, " pixels"]:
+def _nearest_area(excess: Excess, areas: Sequence[ClippedArea]) -> Int[np.ndarray, " pixels"]:
     """Which area each pixel of the excess is nearest to; -1 where none is near."""
     nearest = np.full(len(excess.directions), -1)
     best = np.full(len(excess.directions), np.cos(CATCH_RAD), np.float32)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float32, UInt8
 
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import CameraResponse
@@ -13,7 +13,7 @@ from deeplight.preprocess import mean_over_cells
 CLIPPED = 251 / 255
 """From this pixel value on a channel may be clipped: compression moves white by a few levels."""
 MOST_SHOWN = 1.05
-"""Radiance that a clipped pixel is taken for, before more is known: just over the camera's white."""
+"""Radiance that a clipped pixel is taken for before more is known: just over white."""
 FEATHER = 0.03
 """Width of the photo's soft edge, as part of half its shorter side; at least 1.5 texels."""
 _PIXELS_PER_TEXEL = 3  # along a side: a finer photo is averaged first, still gamma-encoded

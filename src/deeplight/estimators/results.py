@@ -5,18 +5,45 @@ import json
 import os
 import shutil
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from deeplight.estimators.environment import SceneLight
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.preview import preview
-from deeplight.io.lighting_file import LATLONG_HEIGHT, Turn, save_lighting
+from deeplight.io.lighting_file import (
+    LATLONG_HEIGHT,
+    Turn,
+    lamps_record,
+    save_lighting,
+    seen_record,
+)
 from deeplight.io.photos import write_png
 
 FULL_DISK_BYTES = 2**22
 """With less room than this left, a failed write is put down to a full disk."""
+
+
+@dataclass(frozen=True)
+class OutputSpec:
+    """How an environment is written.
+
+    Attributes:
+        turn: how to turn it for a tool.
+        hdr: also as Radiance RGBE.
+        lamps_apart: leave the lamps out of it; the JSON has them in any case.
+        seen_channel: add what the photo shows as a channel of the EXR.
+        height: rows of the bare network's environment; a `SceneLight` has its own.
+    """
+
+    turn: Turn | None = None
+    hdr: bool = False
+    lamps_apart: bool = False
+    seen_channel: bool = False
+    height: int = LATLONG_HEIGHT
 
 
 def write_results(
@@ -24,9 +51,8 @@ def write_results(
     estimator: NetworkEstimator,
     folder: Path,
     stem: str,
-    *,
-    turn: Turn | None = None,
-    hdr: bool = False,
+    scene: SceneLight | None = None,
+    spec: OutputSpec = OutputSpec(),
     further: Mapping[str, Any] | None = None,
 ) -> list[Path]:
     """Write `<stem>.exr`, `.json`, `.preview.png` and what else was asked for into `folder`.
@@ -38,8 +64,8 @@ def write_results(
         estimator: whose it is; the JSON names its model.
         folder: must exist.
         stem: name of the files without suffix.
-        turn: how to turn the environment for a tool.
-        hdr: also write Radiance RGBE.
+        scene: the light with the photo in it; left out, the network's estimate alone is written.
+        spec: how.
         further: more JSON files, content by suffix, such as ".webxr.json".
 
     Raises:
@@ -47,7 +73,7 @@ def write_results(
     """
     with TemporaryDirectory(prefix=f".{stem[:80]}.", dir=folder) as temporary:
         try:
-            files = _written(estimate, estimator, Path(temporary) / stem, turn, hdr)
+            files = _written(estimate, estimator, Path(temporary) / stem, scene, spec)
             for suffix, content in (further or {}).items():
                 files.append(Path(temporary) / f"{stem}{suffix}")
                 files[-1].write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
@@ -60,11 +86,25 @@ def write_results(
 
 
 def _written(
-    estimate: Estimate, estimator: NetworkEstimator, stem: Path, turn: Turn | None, hdr: bool
+    estimate: Estimate,
+    estimator: NetworkEstimator,
+    stem: Path,
+    scene: SceneLight | None,
+    spec: OutputSpec,
 ) -> list[Path]:
-    latlong = estimate.lighting.latlong(LATLONG_HEIGHT)
     facts = _facts(estimate, estimator)
-    files = save_lighting(estimate.lighting, stem, turn=turn, hdr=hdr, facts=facts, latlong=latlong)
+    seen = None
+    if scene is None:
+        lighting, latlong = estimate.lighting, estimate.lighting.latlong(spec.height)
+    else:
+        lighting = scene.environment.lighting
+        latlong = scene.rest if spec.lamps_apart else scene.environment.radiance
+        seen = scene.seen if spec.seen_channel else None
+        facts["lamps"] = lamps_record(scene.lamps, in_environment=not spec.lamps_apart)
+        facts["seen"] = seen_record(scene.seen)
+    files = save_lighting(
+        lighting, stem, turn=spec.turn, hdr=spec.hdr, facts=facts, latlong=latlong, seen=seen
+    )
     source = estimate.photo.source
     files.append(stem.with_name(f"{stem.name}.preview.png"))
     write_png(files[-1], preview(estimate, latlong, source.name if source else stem.name))

@@ -1,4 +1,4 @@
-"""What lies around the photo: the network's ball as a smooth panorama that takes the photo's edge on.
+"""What lies around the photo: the network's ball as a smooth panorama that fits the photo's edge.
 
 The ball's rim, straight ahead, is one direction drawn out to a circle: enlarged, it gives spokes, a
 star. There the map is smoothed on the sphere. And next to the photo it is brought to what the photo
@@ -10,11 +10,11 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from deeplight import latlong, mirror_ball, resample
 from deeplight.camera_response import CameraResponse
+from deeplight.estimators.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
 from deeplight.frames import normalised
+from deeplight.mappings import latlong, mirror_ball, resample
 from deeplight.preprocess import mean_over_cells
-from deeplight.estimate.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
 
 _ROWS = 48
 """Rows at which the map is made: a texel is the size of the ball's finest pixel."""
@@ -28,7 +28,7 @@ _RING_CELLS = 24  # along the photo's shorter side: the outermost are its edge
 _EDGE_ROWS = 128  # at which the change along the photo is made
 REACH_RAD = float(np.radians(40))
 """So far from the photo's edge the map is adapted to it."""
-_MOST_ADAPTED = np.log(8.0)
+_MOST_ADAPTED = np.log(200.0)
 _DARKEST = 1e-3
 
 
@@ -54,12 +54,13 @@ def enlarged(
     if rows == height:
         return small
     at = (np.arange(height) + 0.5) * (rows / height) - 0.5
-    top, down = _taps(np.clip(at, 0, rows - 1), rows)
-    between = small[top] * (1 - down[:, None, None]) + small[(top + 1).clip(0, rows - 1)] * (
-        down[:, None, None]
+    top, down = _taps(np.clip(at, 0, rows - 1))
+    between = (
+        small[top] * (1 - down[:, None, None])
+        + small[(top + 1).clip(0, rows - 1)] * (down[:, None, None])
     )
     at = (np.arange(2 * height) + 0.5) * (columns / (2 * height)) - 0.5
-    left, across = _taps(at, columns)
+    left, across = _taps(at)
     across = across[None, :, None]
     result: np.ndarray = between[:, left % columns] * (1 - across)
     result += between[:, (left + 1) % columns] * across
@@ -99,13 +100,15 @@ def adapted(
     squared = 2 - 2 * cosine  # the chord's: as good as the angle's, and cheaper
     spacing = plane.shorter / _RING_CELLS
     weight = 1 / (squared + np.float32(spacing**2 / 4)) ** 1.5
-    change = np.zeros((rows * columns, 3), np.float32)
     away = 2 * np.arcsin(np.sqrt(squared.min(1)) / 2)
-    fade = smoothstep(1 - away / REACH_RAD)
+    fade = smoothstep(1 - away / REACH_RAD)[:, None]
     mean = (weight @ ratio.astype(np.float32)) / weight.sum(1, keepdims=True)
-    change[near] = mean * fade[:, None]
-    factor = enlarged(change.reshape(rows, columns, 3), len(surroundings))
-    result: np.ndarray = surroundings * np.exp(factor)
+    factor = np.ones((rows * columns, 3), np.float32)
+    # Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
+    factor[near] = np.where(mean < 0, 1 - fade * (1 - np.exp(mean)), np.exp(fade * mean))
+    result: np.ndarray = surroundings * enlarged(
+        factor.reshape(rows, columns, 3), len(surroundings)
+    )
     return result
 
 
@@ -156,6 +159,6 @@ def _spreading(size: int) -> Float32[np.ndarray, "texels pixels"]:
     return kernel
 
 
-def _taps(at: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _taps(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first = np.floor(at).astype(int)
     return first, (at - first).astype(np.float32)

@@ -1,5 +1,6 @@
 """Any file with light in all directions as an `Environment`: the one reader of panoramas."""
 
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,12 +10,21 @@ from jaxtyping import Float
 from deeplight.environment import Environment, Unit
 from deeplight.errors import ConfigError, ImageFileError, ShapeError
 from deeplight.io.image_file import opened
-from deeplight.io.lighting_file import LATLONG_HEIGHT, VIEW_U, read_lighting_json
+from deeplight.io.lighting_file import (
+    LATLONG_HEIGHT,
+    VIEW_U,
+    lamps_of_record,
+    read_lighting_json,
+    read_record,
+    seen_of_record,
+)
 from deeplight.io.orientation import faces_for, turned_from
 from deeplight.io.radiance import read_hdr
+from deeplight.lamp import draw_lamps
 from deeplight.lighting import Lighting
+from deeplight.mappings import latlong
 from deeplight.mappings.layouts import folded, latlong_from_cube, latlong_from_probe, mapping_of
-from deeplight.mappings.resample import shrink_latlong
+from deeplight.mappings.resample import sample_latlong, shrink_latlong
 
 SUFFIXES = (".exr", ".hdr")
 """What is taken for a panorama in a folder; a named file may also be a .tif or our .json."""
@@ -54,12 +64,17 @@ def read_environment(
         raise ConfigError(expected, f"{len(files)}", "name those")
     try:
         if len(files) == 6:
-            radiance, unit = _six(files, made_for)
+            radiance, unit, seen = *_six(files, made_for), None
+        elif files[0].suffix.lower() == ".json":
+            radiance, seen, unit = *_described(files[0]), "camera_white"
         else:
-            radiance, unit = _one(files[0], mapping, made_for)
+            radiance, unit, seen = *_one(files[0], mapping, made_for), None
         if max_height is not None and len(radiance) > max_height:
             radiance = shrink_latlong(radiance, max_height)
-        return Environment(radiance, unit=unit)
+        if seen is not None:
+            directions = latlong.directions(len(radiance), 2 * len(radiance))
+            seen = sample_latlong(seen[..., None], directions)[..., 0].clip(0, 1)
+        return Environment(radiance, seen, unit=unit)
     except ShapeError as error:
         raise ImageFileError(error.expected, f"{files[0]}, {error.got}", error.do) from error
 
@@ -84,8 +99,6 @@ _Panorama = tuple[Float[np.ndarray, "height width 3"], Unit]
 
 
 def _one(path: Path, mapping: str | None, made_for: str | None) -> _Panorama:
-    if path.suffix.lower() == ".json":
-        return read_lighting_json(path).latlong(LATLONG_HEIGHT), "camera_white"
     picture = read_hdr(path)
     mapping = mapping or mapping_of(*picture.shape[:2])
     if mapping == "cube":
@@ -95,6 +108,26 @@ def _one(path: Path, mapping: str | None, made_for: str | None) -> _Panorama:
     if mapping in ("strip", "column"):
         return latlong_from_cube(faces_for(folded(picture, mapping), made_for)), "file"
     return latlong_from_probe(picture, mapping), "file"
+
+
+def _described(
+    path: Path,
+) -> tuple[Float[np.ndarray, "height width 3"], Float[np.ndarray, "rows columns"] | None]:
+    """What a lighting file describes: the environment next to it with its lamps, else its ball."""
+    record = read_record(path)
+    try:
+        lamps, drawn = lamps_of_record(record)
+        names = [name for name in record["environment"]["files"] if name.endswith(".exr")]
+        beside = path.with_name(Path(names[0]).name) if names else None
+        if beside is None or not beside.is_file():
+            return read_lighting_json(path).latlong(LATLONG_HEIGHT), None
+        radiance, _ = _one(beside, "latlong", None)
+        if not drawn:
+            radiance = radiance + draw_lamps(lamps, len(radiance))
+        return radiance, seen_of_record(record)
+    except (ValueError, KeyError, TypeError, zlib.error) as error:
+        got = f"{path}, which is damaged ({type(error).__name__}: {error})"
+        raise ImageFileError("a lighting file", got, "write it again") from error
 
 
 def _latlong(

@@ -2,7 +2,9 @@
 
 import base64
 import json
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,11 +16,15 @@ from deeplight.errors import ImageFileError, InputError
 from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, project
 from deeplight.io.atomic import replacing
 from deeplight.io.radiance import write_exr, write_hdr
+from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
+from deeplight.mappings.resample import shrink_latlong
 
 FORMAT = "deeplight lighting"
 FORMAT_VERSION = 1
 LATLONG_HEIGHT = 256
+SEEN_HEIGHT = 64
+_WRITE_AGAIN = "write it again with this version of deeplight"
 FRAME = "camera: +X right, +Y up, +Z towards the camera; the camera looks along -Z"
 UNIT = "linear radiance; 1.0 is the camera's white, where a pixel of the photo just saturates"
 VIEW_U = "deeplight:viewU"
@@ -63,6 +69,7 @@ def save_lighting(
     hdr: bool = False,
     facts: Mapping[str, Any] | None = None,
     latlong: Float[np.ndarray, "height width 3"] | None = None,
+    seen: Float[np.ndarray, "height width"] | None = None,
 ) -> list[Path]:
     """Write `<stem>.exr` and `<stem>.json`, each whole or not at all.
 
@@ -73,7 +80,9 @@ def save_lighting(
             it is +X. The JSON's numbers stay in the camera frame in any case.
         hdr: also write `<stem>.hdr` (Radiance RGBE).
         facts: further entries for the JSON, such as the model's hash.
-        latlong: `lighting.latlong(256)`, if it is at hand: it takes most of the time.
+        latlong: the environment to write, of which `lighting` is the mirror ball; left out, that
+            ball enlarged to 256 rows.
+        seen: how much of each texel a photo shows, 0 to 1, for a channel `seen` of the EXR.
 
     Returns:
         The files written.
@@ -92,11 +101,12 @@ def save_lighting(
         "deeplight:frame": FRAME,
         VIEW_U: turn.view_u,
     }
-    write_exr(files[0], turned, header)
+    channels = {} if seen is None else {"seen": turn.of(seen[..., None])[..., 0]}
+    write_exr(files[0], turned, header, channels)
     if hdr:
         files.append(folder / f"{name}.hdr")
         write_hdr(files[1], turned)
-    record = _record(lighting, turn, [file.name for file in files]) | dict(facts or {})
+    record = _record(lighting, turn, [file.name for file in files], len(turned)) | dict(facts or {})
     files.append(folder / f"{name}.json")
     with replacing(files[-1]) as temporary:
         temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
@@ -104,27 +114,101 @@ def save_lighting(
 
 
 def read_lighting_json(path: Path) -> Lighting:
-    """Read the `.json` that `save_lighting` wrote; exact.
+    """Read the mirror ball of the `.json` that `save_lighting` wrote; exact.
 
     Raises:
         OSError: there is no such file, or reading it is not permitted.
         ImageFileError: not a lighting file, of another version, or damaged.
     """
-    do = "write it again with this version of deeplight"
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+    with _damage_named(path):
+        ball = read_record(path)["mirror_ball"]
+        size = int(ball["size"])
+        values = np.frombuffer(base64.b64decode(ball["radiance"]), "<f4")
+        return Lighting(values.reshape(size, size, 3))
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Read the whole `.json` that `save_lighting` wrote.
+
+    Raises:
+        OSError: there is no such file, or reading it is not permitted.
+        ImageFileError: not a lighting file, of another version, or damaged.
+    """
+    with _damage_named(path):
+        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         kind = (record["format"], record["format_version"])
         if kind != (FORMAT, FORMAT_VERSION):
-            raise ImageFileError(f"a {FORMAT} file of version {FORMAT_VERSION}", f"{kind}", do)
-        size = int(record["mirror_ball"]["size"])
-        values = np.frombuffer(base64.b64decode(record["mirror_ball"]["radiance"]), "<f4")
-        return Lighting(values.reshape(size, size, 3))
+            expected = f"a {FORMAT} file of version {FORMAT_VERSION}"
+            raise ImageFileError(expected, f"{kind}", _WRITE_AGAIN)
+        return record
+
+
+def lamps_record(lamps: Sequence[Lamp], in_environment: bool) -> dict[str, Any]:
+    """Give the JSON entry of lamps; `in_environment`: whether the environment files hold them."""
+    return {
+        "in_environment": in_environment,
+        "meaning": "even discs far away; direction: unit vector towards the lamp; flux: RGB "
+        "radiance integrated over the disc; irradiance: on a surface that faces it, both in the "
+        "radiance unit times sr; when they are used as lights, the environment must hold the rest "
+        "only (in_environment false)",
+        "lamps": [
+            {
+                "direction": lamp.direction.tolist(),
+                "flux": lamp.flux.tolist(),
+                "irradiance": lamp.irradiance.tolist(),
+                "angular_radius_rad": lamp.angular_radius_rad,
+            }
+            for lamp in lamps
+        ],
+    }
+
+
+def seen_record(seen: Float[np.ndarray, "height width"]) -> dict[str, Any]:
+    """Give the JSON entry of what a photo shows, at 64 rows or fewer, 8 bits."""
+    height = min(SEEN_HEIGHT, len(seen))
+    small = shrink_latlong(seen[..., None], height)[..., 0]
+    levels = np.floor(small.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+    return {
+        "height": height,
+        "width": 2 * height,
+        "encoding": "base64 of zlib of 8 bits, rows from the top, 255 = the photo shows it; "
+        "centre column = the view, whatever the environment files are turned for",
+        "levels": base64.b64encode(zlib.compress(levels.tobytes(), 9)).decode(),
+    }
+
+
+def lamps_of_record(record: Mapping[str, Any]) -> tuple[tuple[Lamp, ...], bool]:
+    """The lamps of a lighting file, and whether its environment files hold them too."""
+    entry = record.get("lamps")
+    if entry is None:
+        return (), True
+    lamps = [
+        Lamp(np.array(lamp["direction"]), np.array(lamp["flux"]), lamp["angular_radius_rad"])
+        for lamp in entry["lamps"]
+    ]
+    return tuple(lamps), bool(entry["in_environment"])
+
+
+def seen_of_record(record: Mapping[str, Any]) -> Float32[np.ndarray, "height width"] | None:
+    """What the photo shows, 0 to 1, as stored in a lighting file; None where it does not say."""
+    entry = record.get("seen")
+    if entry is None:
+        return None
+    levels = np.frombuffer(zlib.decompress(base64.b64decode(entry["levels"])), np.uint8)
+    shape = int(entry["height"]), int(entry["width"])
+    return levels.reshape(shape).astype(np.float32) / np.float32(255)
+
+
+@contextmanager
+def _damage_named(path: Path) -> Iterator[None]:
+    try:
+        yield
     except (ValueError, KeyError, TypeError) as error:
         got = f"{path}, which is none ({type(error).__name__}: {error})"
-        raise ImageFileError(f"a {FORMAT} file", got, do) from error
+        raise ImageFileError(f"a {FORMAT} file", got, _WRITE_AGAIN) from error
 
 
-def _record(lighting: Lighting, turn: Turn, environments: list[str]) -> dict[str, Any]:
+def _record(lighting: Lighting, turn: Turn, environments: list[str], height: int) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -133,8 +217,8 @@ def _record(lighting: Lighting, turn: Turn, environments: list[str]) -> dict[str
         "environment": {
             "files": environments,
             "mapping": "equirectangular, top row up (+Y), seen from inside",
-            "height": LATLONG_HEIGHT,
-            "width": 2 * LATLONG_HEIGHT,
+            "height": height,
+            "width": 2 * height,
             "made_for": turn.made_for,
             "view_u": turn.view_u,
             "axes": turn.axes,

@@ -85,6 +85,7 @@ def write_exr(
     path: Path | str,
     radiance: Float32[np.ndarray, "height width 3"],
     metadata: Mapping[str, str | int | float] = NO_METADATA,
+    channels: Mapping[str, Float32[np.ndarray, "height width"]] | None = None,
 ) -> None:
     """Write 32-bit float RGB, zip-compressed, whole or not at all.
 
@@ -93,12 +94,15 @@ def write_exr(
     Args:
         radiance: linear; written as it is.
         metadata: header attributes by name. A reader sees str, int or float again.
+        channels: more channels by name, after R, G and B.
 
     Raises:
         OSError: the file cannot be written.
     """
     header = {"compression": "zip", **metadata}
-    _write(Path(path), radiance, header)
+    more = channels or {}
+    values = np.dstack([radiance, *more.values()]) if more else radiance
+    _write(Path(path), values, header, ("R", "G", "B", *more))
 
 
 def write_hdr(path: Path | str, radiance: Float32[np.ndarray, "height width 3"]) -> None:
@@ -115,11 +119,13 @@ def write_hdr(path: Path | str, radiance: Float32[np.ndarray, "height width 3"])
 
 def _write(
     path: Path,
-    radiance: Float32[np.ndarray, "height width 3"],
+    radiance: Float32[np.ndarray, "height width channels"],
     header: Mapping[str, str | int | float],
+    names: tuple[str, ...] = ("R", "G", "B"),
 ) -> None:
-    height, width, _ = radiance.shape
-    spec = oiio.ImageSpec(width, height, 3, oiio.FLOAT)
+    height, width, count = radiance.shape
+    spec = oiio.ImageSpec(width, height, count, oiio.FLOAT)
+    spec.channelnames = names
     for name, value in header.items():
         spec.attribute(name, value)
     with replacing(path) as temporary:

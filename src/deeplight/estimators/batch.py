@@ -1,0 +1,162 @@
+"""Many photos and videos in one go: results written for all that can be, reasons for the rest."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deeplight.errors import ConfigError, ImageFileError, InputError
+from deeplight.estimators.environment import HEIGHT, SceneLight, check_height, scene_light
+from deeplight.estimators.network import Estimate, NetworkEstimator
+from deeplight.estimators.results import OutputSpec, write_results
+from deeplight.estimators.sources import Source, find_sources
+from deeplight.formats.webxr import light_estimate_file
+from deeplight.io.atomic import results_folder
+from deeplight.io.orientation import TOOLS
+
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """How to estimate and what to write.
+
+    Attributes:
+        fov_deg: vertical field of view of every photo; None reads it from EXIF.
+        height: rows of the environments.
+        light_only: write the network's estimate alone, without the photo and without lamps.
+        lamps_apart: leave the lamps out of the environment files; the .json has them.
+        made_for: the tool the environments are for.
+        hdr: also write Radiance RGBE.
+        seen_channel: also write what the photo shows as a channel of the .exr.
+
+    Raises:
+        ConfigError: a value that cannot be, or options that exclude each other.
+    """
+
+    fov_deg: float | None = None
+    height: int = HEIGHT
+    light_only: bool = False
+    lamps_apart: bool = False
+    made_for: str | None = None
+    hdr: bool = False
+    seen_channel: bool = False
+
+    def __post_init__(self) -> None:
+        if self.fov_deg is not None and not 0 < self.fov_deg < 180:
+            got = f"{self.fov_deg:g}"
+            raise ConfigError("--fov between 0 and 180 degrees", got, "correct it")
+        check_height(self.height)
+        if self.light_only and (self.lamps_apart or self.seen_channel):
+            got = "--light-only, which has no lamps and no photo"
+            raise ConfigError("--lamps-apart and --seen with a photo in its light", got, "drop one")
+
+
+@dataclass(frozen=True)
+class SourceDone:
+    """What came of one photo or video.
+
+    Attributes:
+        source: it.
+        count: results written, one for each frame of a video.
+        first, last: files of the first and of the last result.
+        notes: what the user should know, of the last one.
+    """
+
+    source: Source
+    count: int
+    first: Sequence[Path]
+    last: Sequence[Path]
+    notes: Sequence[str]
+
+
+class _CannotWriteError(Exception):
+    """Carries the OSError of an output; it ends the batch, since the next one would fail too."""
+
+    def __init__(self, reason: OSError) -> None:
+        self.reason = reason
+
+
+def estimate_batch(
+    estimator: NetworkEstimator,
+    paths: Sequence[Path],
+    out: Path,
+    settings: BatchSettings = BatchSettings(),
+    *,
+    on_done: Callable[[SourceDone], None] = lambda done: None,
+    on_failure: Callable[[InputError | OSError], None] = lambda error: None,
+    on_start: Callable[[Source, int, int], None] = lambda source, number, total: None,
+) -> None:
+    """Estimate everything that `paths` name, and write the results into `out`.
+
+    Args:
+        estimator: the loaded model.
+        paths: photos, folders of photos, videos.
+        out: made if it is missing.
+        settings: how.
+        on_done: called after each photo or video.
+        on_failure: called for each of several that cannot be used; the rest goes on.
+        on_start: called before each with its number, from 1, and how many there are.
+
+    Raises:
+        InputError: some of it cannot be used; raised when the rest is done.
+        OSError: the only photo cannot be read, or a result cannot be written.
+    """
+    sources, failures = find_sources(paths, out)
+    total = len(sources) + len(failures)
+    with results_folder(out):
+        for failure in failures if total > 1 else ():
+            on_failure(failure)
+        for number, source in enumerate(sources, 1):
+            on_start(source, number, len(sources))
+            try:
+                on_done(_estimated(estimator, source, out, settings))
+            except (InputError, OSError) as error:
+                failures.append(error)
+                if total > 1:
+                    on_failure(error)
+            except _CannotWriteError as wrapper:
+                raise wrapper.reason from None
+    if failures and total == 1:
+        raise failures[0]
+    if failures:
+        got = f"{len(failures)} of {total} that cannot be used, named above"
+        raise ImageFileError("usable photos", got, "the others are done")
+
+
+def _estimated(
+    estimator: NetworkEstimator, source: Source, out: Path, settings: BatchSettings
+) -> SourceDone:
+    """Estimate a photo or every frame of a video, and write the results."""
+    done = SourceDone(source, 0, (), (), ())
+    for stem, photo in source.photos():
+        estimate = estimator.explain(photo, settings.fov_deg)
+        scene = None if settings.light_only else scene_light(estimate, settings.height)
+        try:
+            files = _written(estimate, scene, estimator, out, stem, settings)
+        except OSError as error:
+            raise _CannotWriteError(error) from error
+        done = SourceDone(source, done.count + 1, done.first or files, files, estimate.notes)
+    return done
+
+
+def _written(
+    estimate: Estimate,
+    scene: SceneLight | None,
+    estimator: NetworkEstimator,
+    out: Path,
+    stem: str,
+    settings: BatchSettings,
+) -> list[Path]:
+    further: dict[str, Any] = {}
+    if settings.made_for == "webxr":
+        lighting = scene.environment.lighting if scene else estimate.lighting
+        main_light = scene.environment.main_light if scene else None
+        further[".webxr.json"] = light_estimate_file(lighting, main_light)
+    tool = TOOLS.get(settings.made_for or "")
+    spec = OutputSpec(
+        turn=tool.turn if tool else None,
+        hdr=settings.hdr,
+        lamps_apart=settings.lamps_apart,
+        seen_channel=settings.seen_channel,
+        height=settings.height,
+    )
+    return write_results(estimate, estimator, out, stem, scene, spec, further)
