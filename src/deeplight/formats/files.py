@@ -201,7 +201,7 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, Wish], list[Path]
         if wish.made_for not in (None, tool):
             raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
         beside = Wish(wish.files[1], "exr", made_for=tool, size=wish.size)
-        text = files("deeplight.export").joinpath("snippets", snippet).read_text(encoding="utf-8")
+        text = files("deeplight.formats").joinpath("snippets", snippet).read_text(encoding="utf-8")
         light = environment.main_light
         facts = {
             "direction": light.direction.tolist(),

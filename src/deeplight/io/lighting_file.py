@@ -46,8 +46,8 @@ class Turn:
     axes: str = "our own"
 
     def of(
-        self, latlong: Float32[np.ndarray, "height width 3"]
-    ) -> Float32[np.ndarray, "height width 3"]:
+        self, latlong: Float32[np.ndarray, "height width channels"]
+    ) -> Float32[np.ndarray, "height width channels"]:
         """Turn our environment (centre = the view) this way.
 
         Raises:
