@@ -26,3 +26,12 @@ def shared() -> Path:
     if not (folder / "hdri").exists():
         pytest.skip("needs ../shared/hdri")
     return folder
+
+
+@pytest.fixture(scope="session")
+def cases() -> Path:
+    """Files of other programs that were once read wrongly; tests of them are skipped without."""
+    folder = ROOT.parent / "shared/cases"
+    if not folder.exists():
+        pytest.skip("needs ../shared/cases")
+    return folder

@@ -9,7 +9,7 @@ from jaxtyping import Float, UInt8, UInt16
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import GAMMA
 from deeplight.frames import Rotation, rotation
-from deeplight.io.video_colour import hlg_pixels
+from deeplight.io.colour import hlg_pixels
 from deeplight.mappings.resample import turned_ball
 from deeplight.simulate.phone import PHONES, Habits, Setting, draw_habits, follow, metered
 from deeplight.sphere import SPHERES

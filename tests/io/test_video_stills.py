@@ -9,14 +9,14 @@ import pytest
 
 from deeplight.camera_response import encode
 from deeplight.errors import ConfigError, ImageFileError
-from deeplight.io.video import facts, frames, stills
-from deeplight.io.video_colour import (
+from deeplight.io.colour import (
+    from_cicp,
     hlg_from_radiance,
     hlg_pixels,
     radiance_from_hlg,
     radiance_from_pq,
-    sdr_pixels,
 )
+from deeplight.io.video import facts, frames, stills
 from deeplight.io.video_writer import VideoWriter
 
 av = pytest.importorskip("av")
@@ -130,7 +130,7 @@ def test_hlg_is_its_own_inverse_and_has_the_standards_values() -> None:
 
 def test_hdr_brighter_than_white_clips_and_grey_stays_grey() -> None:
     radiance = np.array([[[0.2, 0.2, 0.2], [3.0, 3.0, 3.0], [0.5, 0.2, 0.1]]], np.float32)
-    pixels = sdr_pixels(hlg_pixels(radiance), "HLG")
+    pixels = from_cicp(9, 18).pixels(hlg_pixels(radiance))
     wanted = np.round(encode(np.minimum(radiance, 1)) * 255)
     assert np.abs(pixels - wanted).max() <= 2
 

@@ -81,6 +81,7 @@ def described(account: Account) -> dict[str, Any]:
             "codec": video.codec,
             "transfer": video.transfer,
             "rotation_deg": video.rotation_deg,
+            "mirrored": video.mirrored,
             "vertical_fov_deg": account.camera and round(_fov_deg(account.camera), 3),
         },
     }
@@ -209,6 +210,7 @@ def _facts(account: Account) -> Table:
     if video is not None:
         uneven = ", unevenly spaced" if video.variable_rate else ""
         turn = f", stored turned by {video.rotation_deg}°" if video.rotation_deg else ""
+        turn += ", stored mirrored" if video.mirrored else ""
         rows += [
             ("upright picture", f"{video.width} x {video.height}{turn}"),
             (

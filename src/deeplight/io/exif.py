@@ -59,14 +59,14 @@ class Exif:
 
 
 def upright(
-    stored: Shaped[np.ndarray, "stored_height stored_width channels"], orientation: int
-) -> Shaped[np.ndarray, "height width channels"]:
+    stored: Shaped[np.ndarray, "stored_height stored_width *channels"], orientation: int
+) -> Shaped[np.ndarray, "height width *channels"]:
     """Turn stored pixels upright by EXIF orientation 1 to 8; other values change nothing.
 
     Returns:
         A view: turning 12 megapixels for real would cost more than decoding them did.
     """
-    turned = stored.transpose(1, 0, 2) if orientation in (5, 6, 7, 8) else stored
+    turned = stored.swapaxes(0, 1) if orientation in (5, 6, 7, 8) else stored
     if orientation in (3, 4, 7, 8):
         turned = turned[::-1]
     if orientation in (2, 3, 6, 7):

@@ -13,6 +13,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from deeplight.io.atomic import replacing
+from deeplight.io.colour import srgb_decode, srgb_encode
 
 OFFSET = 1 / 64
 QUALITY = 95
@@ -43,8 +44,8 @@ def write_gain_map_jpeg(path: Path | str, radiance: Float[np.ndarray, "height wi
     Raises:
         OSError: the file cannot be written.
     """
-    base = _jpeg(np.round(_encoded(np.clip(radiance, 0, 1)) * 255).astype(np.uint8))
-    shown = _decoded(np.asarray(Image.open(io.BytesIO(base)), np.float32) / 255)
+    base = _jpeg(np.round(srgb_encode(np.clip(radiance, 0, 1)) * 255).astype(np.uint8))
+    shown = srgb_decode(np.asarray(Image.open(io.BytesIO(base)), np.float32) / 255)
     stops = np.log2((np.maximum(radiance, 0) + OFFSET) / (shown + OFFSET))
     least, most = float(stops.min()), max(float(stops.max()), float(stops.min()) + 1e-3)
     gains = np.round((stops - least) / (most - least) * 255).astype(np.uint8)
@@ -95,12 +96,3 @@ def _jpeg(pixels: UInt8[np.ndarray, "height width 3"]) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "JPEG", quality=QUALITY, subsampling=0)
     return buffer.getvalue()
-
-
-def _encoded(linear: np.ndarray) -> np.ndarray:
-    """sRGB's own curve (IEC 61966-2-1), which readers of the format use."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
-def _decoded(pixel: np.ndarray) -> np.ndarray:
-    return np.where(pixel <= 0.04045, pixel / 12.92, ((pixel + 0.055) / 1.055) ** 2.4)

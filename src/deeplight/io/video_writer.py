@@ -32,7 +32,7 @@ class VideoWriter:
     """An .mp4 that appears whole when the `with` block ends, and not at all after an error.
 
     "libx264" takes 8-bit pixels and writes H.264 in BT.709, limited range. "libx265" takes the
-    16-bit HLG signal in BT.2020 of `video_colour.hlg_pixels` and writes 10-bit HEVC. One thread:
+    16-bit HLG signal in BT.2020 of `colour.hlg_pixels` and writes 10-bit HEVC. One thread:
     the same pictures give the same bytes.
     """
 
