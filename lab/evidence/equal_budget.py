@@ -16,8 +16,8 @@ from typing import Annotated
 
 import tyro
 
-from deeplight.cli.train_export import export_run
-from deeplight.cli.train_progress import TrainProgress
+from deeplight.cli.train import TrainProgress
+from deeplight.deploy.network import write_best_network
 from deeplight.errors import ConfigError
 from deeplight.training.loop import train
 from deeplight.training.presets import preset
@@ -80,7 +80,9 @@ def main(args: Args) -> None:
         config = preset(variant, (*changes, *common(args.steps)))
         with TrainProgress() as progress:
             train(args.data, args.out / name, config, args.imagenet, progress.show, more=more)
-        export_run(args.out / name, args.out / name / "model.onnx", data=Path(args.data).name)
+        write_best_network(
+            args.out / name, args.out / name / "model.onnx", data=Path(args.data).name
+        )
 
 
 def common(steps: int) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ SHORT = ["--engine", "scalar", "--pitch", "-30", "--fov", "50"]
 @pytest.fixture(autouse=True)
 def few_rays(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures this small need few."""
-    monkeypatch.setattr("deeplight.cli.compose_run.PREVIEW", Quality(8, 8, 400))
+    monkeypatch.setattr("deeplight.compose.trace.PREVIEW", Quality(8, 8, 400))
 
 
 @pytest.fixture

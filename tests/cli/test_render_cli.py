@@ -1,4 +1,4 @@
-"""`deeplight render transfer`: a file, or one clear line."""
+"""`deeplight transfer`: a file, or one clear line."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def test_a_mesh_file_becomes_a_transfer(
 ) -> None:
     out = tmp_path / "new" / "cube.transfer"
     words = [str(cube), "--out", str(out), *QUICK, "--order", "3", "--longest-edge", "0.5"]
-    assert main(["render", "transfer", *words]) == 0
+    assert main(["transfer", *words]) == 0
     told = capsys.readouterr().out
     assert "left out 1 triangles without area" in told
     assert "split 12 triangles" in told
@@ -55,7 +55,7 @@ def test_a_mesh_file_becomes_a_transfer(
 def test_parts_can_be_left_out(cube: Path, tmp_path: Path) -> None:
     out = tmp_path / "cube.transfer"
     words = [str(cube), "--out", str(out), *QUICK, "--silver", "None", "--ground", "None"]
-    assert main(["render", "transfer", *words, "--diffuse", "own"]) == 0
+    assert main(["transfer", *words, "--diffuse", "own"]) == 0
     transfer = read(out)
     assert (transfer.glossy, transfer.shadowed) == (None, None)
     assert transfer.colours is not None
@@ -76,7 +76,7 @@ def test_what_cannot_be_is_told_in_one_line(
     words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "made" / "a.transfer"
-    assert main(["render", "transfer", *words, "--out", str(out)]) == 2
+    assert main(["transfer", *words, "--out", str(out)]) == 2
     line = capsys.readouterr().err
     assert told in line
     assert line.count("\n") == 1
@@ -84,5 +84,5 @@ def test_what_cannot_be_is_told_in_one_line(
 
 
 def test_a_folder_is_no_file_to_write(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["render", "transfer", "sphere", "--out", str(tmp_path)]) == 2
+    assert main(["transfer", "sphere", "--out", str(tmp_path)]) == 2
     assert "a folder" in capsys.readouterr().err

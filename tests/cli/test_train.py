@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("torch")
 
 from deeplight.cli.main import main
-from deeplight.cli.train_export import finish
+from deeplight.cli.train import finish
 from deeplight.errors import ConfigError, ModelError
 from deeplight.training import checkpoint
 from deeplight.training.config import RunConfig

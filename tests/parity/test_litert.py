@@ -11,7 +11,8 @@ pytest.importorskip("litert_torch")
 
 from deeplight.camera_response import encode, soft_clip  # noqa: E402
 from deeplight.dataset import open_dataset  # noqa: E402
-from deeplight.deploy.litert import PRECISIONS, export_litert  # noqa: E402
+from deeplight.deploy.litert import export_litert  # noqa: E402
+from deeplight.deploy.precision import PRECISIONS  # noqa: E402
 from deeplight.estimators.open import open_model  # noqa: E402
 from deeplight.evaluate.metrics import masked_l1  # noqa: E402
 from deeplight.evaluate.scores import rendered_radiance  # noqa: E402

@@ -26,13 +26,17 @@ def names_in(path: Path) -> Iterator[str]:
 
 def missing(text: str, root: Path) -> list[str]:
     """What `text` names and the tree lacks."""
-    named = [(root / "src" / "deeplight" / file, name) for file, name in CODE.findall(text)]
+    named = [(_home(file, root) / file, name) for file, name in CODE.findall(text)]
     named += [(root / "tests" / file, name) for file, name in TEST.findall(text)]
     return [
         f"{path.name}: {name}"
         for path, name in named
         if not path.exists() or (name and name not in set(names_in(path)))
     ]
+
+
+def _home(file: str, root: Path) -> Path:
+    return root if file.startswith("lab/") else root / "src" / "deeplight"
 
 
 @pytest.fixture

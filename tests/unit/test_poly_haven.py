@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.cli import panoramas as command
+from deeplight.cli import fetch as command
 from deeplight.errors import ConfigError, DownloadError
 from deeplight.io.radiance import write_hdr
 from deeplight.simulate.panorama import load, places_in

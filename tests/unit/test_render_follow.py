@@ -85,7 +85,7 @@ def test_a_video_gives_a_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     from deeplight.io.video_writer import VideoWriter
 
     tiny = Quality(samples=4, shadow_samples=4, shadow_pixels=300)
-    monkeypatch.setattr("deeplight.cli.compose_video.FRAME", tiny)
+    monkeypatch.setattr("deeplight.compose.video.FRAME", tiny)
     everything = panorama()
     with VideoWriter(tmp_path / "in.mp4", 64, 96, 10.0) as writer:
         for i in range(3):

@@ -16,13 +16,13 @@ OBJECT = {"deeplight": 0.1, "mean_spheres": 0.12, "khan_2006": 0.3}
 
 @pytest.fixture(scope="module")
 def script(root: Path) -> ModuleType:
-    return loaded(root / "benchmarks" / "update_compose.py")
+    return loaded(root / "lab" / "evidence" / "update_compose.py")
 
 
 @pytest.fixture
 def project(script: ModuleType, tmp_path: Path) -> Path:
     """A document, weights, and a run of six photos; in the shade the constant light wins."""
-    tables = script.sys.modules["compose_evidence_tables"]
+    tables = script.sys.modules["lab.evidence.compose_evidence_tables"]
     rows = []
     for number, kind in enumerate(("indoor", "shade", "sun") * 2):
         for material in tables.MATERIALS:

@@ -14,7 +14,7 @@ DOCUMENTS = ("README.md", "MODEL_CARD.md", "docs/results.md")
 
 @pytest.fixture(scope="module")
 def script(root: Path) -> ModuleType:
-    return loaded(root / "benchmarks" / "update_results.py")
+    return loaded(root / "lab" / "evidence" / "update_results.py")
 
 
 def row(split: str, estimator: str, scene: str, metric: str, value: float) -> dict[str, Any]:

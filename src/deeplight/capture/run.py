@@ -24,6 +24,7 @@ from deeplight.capture.report import (
     write_reports,
 )
 from deeplight.dataset import Manifest, ShardJob, ShardPlan, Skipped
+from deeplight.dataset.manifest import read_json
 from deeplight.dataset.plan import PLAN
 from deeplight.dataset.shards import index_path
 from deeplight.dataset.splits import check_places
@@ -202,3 +203,15 @@ def _settings_told(settings: CaptureSettings) -> dict[str, Any]:
         "rig": told,
         "choice": asdict(settings.choice),
     }
+
+
+def surest_rig(what: Capture, manifest: Manifest) -> Rig:
+    """The rig of the clip whose least sure sphere is surest."""
+    surety = {}
+    for stem in what.shards.recipe["clips"]:
+        report = read_json(report_path(what.shards.folder, stem))
+        if report["status"] == "ok":
+            sure = [sphere["confidence"] for sphere in report["spheres"].values()]
+            surety[report["rig"]] = min(sure)
+    best = max(surety, key=lambda name: surety[name])
+    return Rig.from_dict(dict(manifest.rigs[best]))

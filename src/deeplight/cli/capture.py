@@ -3,17 +3,25 @@
 deeplight capture clips/ --out data/filmed
 
 Each clip gets reports/<clip>.html to look at and reports/<clip>.json for programs. A clip that
-cannot be used is told in one line and recorded. Killed and run again, it goes on where it was;
+cannot be used is named in one line and recorded. Killed and run again, it goes on where it was;
 run with more clips, it adds them.
 """
 
+import math
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from deeplight.capture.choice import ChoiceSettings
+
+if TYPE_CHECKING:
+    from deeplight.capture.clip import CaptureSettings
+    from deeplight.capture.run import ClipJob
+
+_UNKNOWN_LENGTH = 900  # frames, for the bar only
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,7 @@ class Args:
     """CSV with columns clip, place, scene, split (train, val, test, seen) and licence. Without
     it each clip is its own place and its split is drawn from its name."""
     scene: Literal["indoor", "outdoor"] = "indoor"
-    """Of clips of which nothing else is told."""
+    """Of clips of which nothing else is known."""
     rig: Path | None = None
     """A rig file: the spheres' places from an earlier run, or beside an AprilTag."""
     save_rig: Path | None = None
@@ -49,6 +57,74 @@ class Args:
 
 
 def run(args: Args) -> None:
-    from deeplight.cli.capture_progress import capture_with_progress
+    """Plan, work, and print what came of it.
 
-    capture_with_progress(args)
+    Raises:
+        InputError: settings that make no sense, or no clip that could be used.
+        OSError: the data set cannot be written.
+    """
+    from rich.markup import escape
+
+    from deeplight.capture.catalogue import find_clips
+    from deeplight.capture.report import REPORTS
+    from deeplight.capture.rig_file import write_rig_file
+    from deeplight.capture.run import Outcome, capture, plan, surest_rig
+    from deeplight.cli.screen import progress_bar, results_console
+    from deeplight.jobs import Engine
+
+    settings = _settings(args)
+    engine = Engine(args.engine, args.workers, args.ray_address)
+    what = plan(find_clips(args.clips, args.table, args.scene), args.out, settings)
+    start, outcomes = time.perf_counter(), list[Outcome]()
+    sizes = {job.clip.stem: _frames_claimed(job) for job in what.missing}
+    with progress_bar(f"0 of {len(sizes)} clips", sum(sizes.values())) as bar:
+
+        def show(outcome: Outcome) -> None:
+            outcomes.append(outcome)
+            bar.name(f"{len(outcomes)} of {len(sizes)} clips")
+            bar(sizes[outcome.clip.stem])
+            if outcome.reason:
+                line = f"deeplight capture: {outcome.clip.path.name}: {outcome.reason}"
+                bar.console.print(escape(" ".join(line.split())))
+
+        manifest = capture(what, engine, show)
+    seconds, read = time.perf_counter() - start, sum(outcome.read for outcome in outcomes)
+    console = results_console()
+    for split, shards in manifest.splits.items():
+        clips = sum(shard.examples > 0 for shard in shards)
+        if clips:
+            console.print(f"{split}: {manifest.examples(split)} examples from {clips} clips")
+    if read:
+        console.print(f"{read / seconds:.1f} frames/s")
+    if args.save_rig is not None:
+        write_rig_file(args.save_rig, surest_rig(what, manifest))
+    console.print(escape(f"look at {args.out / REPORTS / 'index.html'}"))
+
+
+def _settings(args: Args) -> "CaptureSettings":
+    """The settings that the flags name.
+
+    Raises:
+        InputError: values that make no sense, or a rig file that is none.
+    """
+    from deeplight.capture.clip import CaptureSettings
+    from deeplight.capture.located import LocateSettings
+    from deeplight.capture.rig_file import read_rig_file
+    from deeplight.errors import ConfigError
+
+    if args.fov is not None and not 0 < args.fov < 180:
+        raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
+    fov_rad = None if args.fov is None else math.radians(args.fov)
+    rig = None if args.rig is None else read_rig_file(args.rig)
+    locate = LocateSettings(diameter_m=args.diameter, rig=rig)
+    return CaptureSettings(locate, args.choice, fov_rad)
+
+
+def _frames_claimed(job: "ClipJob") -> int:
+    from deeplight.errors import InputError
+    from deeplight.io.video import facts
+
+    try:
+        return facts(job.clip.path).frames or _UNKNOWN_LENGTH
+    except (InputError, OSError):
+        return 1  # reported when its turn comes

@@ -3,11 +3,18 @@
 deeplight compose photo.jpg --object chair.glb --at 420 610 --size 0.9 --pitch -20 --out a.png
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro import conf
+
+if TYPE_CHECKING:
+    from deeplight.compose.compose import Item, Settings
+    from deeplight.compose.gravity import CameraPlacement
+
+PICTURES = (".png", ".jpg", ".jpeg")
 
 
 @dataclass(frozen=True)
@@ -33,7 +40,7 @@ class Args:
     light: Path | None = None
     """Use this light (.json of deeplight, or an .exr or .hdr panorama), not the estimate."""
     stops: float = 0.0
-    """Make the light brighter by so many stops."""
+    """Make the light brighter by this number of stops."""
     camera_height: float = 1.4
     """Metres from the surface up to the camera."""
     pitch: float | None = None
@@ -55,6 +62,163 @@ class Args:
 
 
 def run(args: Args) -> None:
-    from deeplight.cli.compose_run import run_compose
+    """Compose one photo or video, with a progress bar; print what was assumed.
 
-    run_compose(args)
+    Raises:
+        InputError: an option, the photo, the light or an object cannot be used.
+        OSError: a file cannot be read or written.
+    """
+    from rich.markup import escape
+
+    from deeplight.cli.screen import results_console
+    from deeplight.compose.mesh import load
+    from deeplight.io.video import is_video
+
+    items, video = _items(args), is_video(args.photo)
+    _check_names(args, video)
+    for item in items:
+        load(item.object, item.up)  # a bad mesh is refused before anything takes time
+    notes = _compose_video(args, items) if video else _compose_photo(args, items)
+    console = results_console()
+    made = f"{args.out}" + (f", {args.layers}" if args.layers else "")
+    console.print(escape(f"{args.photo} -> {made}"))
+    for note in notes:
+        console.print(f"  [dim]{escape(note)}[/dim]")
+
+
+def _compose_photo(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
+    from deeplight.cli.screen import progress_bar
+    from deeplight.compose.compose import compose
+    from deeplight.compose.composite import write_layers
+    from deeplight.compose.gravity import viewpoint_of
+    from deeplight.estimators.onnx import OnnxEstimator
+    from deeplight.io.atomic import replacing
+    from deeplight.io.photos import encode_jpeg, encode_png, read_photo
+
+    photo, estimator, light = read_photo(args.photo), OnnxEstimator(), _light(args)
+    if light is None:
+        estimate = estimator.explain(photo, args.fov)
+        light, framing, notes = estimate.lighting.latlong(), estimate.framing, estimate.notes
+    else:
+        framing, notes = estimator.frame(photo, args.fov), photo.notes
+    viewpoint, assumed = viewpoint_of(photo.source, framing, _placement(args))
+    with progress_bar("rendering") as bar:
+        composed = compose(
+            photo.pixels,
+            light * _gain(args),
+            viewpoint,
+            items,
+            _settings(args),
+            framing.bottom,
+            bar.reach,
+        )
+    pixels = composed.composite.pixels
+    encode = encode_png if args.out.suffix.lower() == ".png" else encode_jpeg
+    with replacing(args.out) as temporary:
+        temporary.write_bytes(encode(pixels))
+    if args.layers is not None:
+        write_layers(args.layers, composed.composite.layers, *pixels.shape[:2])
+    return (*notes, *assumed, *composed.notes)
+
+
+def _compose_video(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
+    from dataclasses import replace
+
+    from deeplight.cli.screen import progress_bar
+    from deeplight.compose.video import FRAME, compose_video
+
+    settings = _settings(args)
+    if args.quality == "preview":
+        settings = replace(settings, quality=FRAME)
+    with progress_bar("composing") as bar:
+        return compose_video(
+            args.photo,
+            args.out,
+            items,
+            settings,
+            _placement(args),
+            _light(args),
+            float(_gain(args)),
+            bar.reach,
+        )
+
+
+def _items(args: Args) -> "list[Item]":
+    """The objects; an option given once counts for all of them.
+
+    Raises:
+        ConfigError: an option given neither once nor for each object, or a wrong value.
+    """
+    from deeplight.compose.compose import Item
+    from deeplight.errors import ConfigError
+
+    objects = args.object or ("bunny",)
+    count = len(objects)
+    at: Sequence[Any] = args.at or (None,) * count
+    if len(at) != count:
+        got = f"{len(at)} for {count} objects"
+        raise ConfigError("one --at for each --object", got, "repeat it for each")
+    return [
+        Item(*values, up=args.up)
+        for values in zip(
+            objects,
+            _each("--material", args.material, None, count),
+            at,
+            _each("--size", args.size, None, count),
+            _each("--turn", args.turn, 0.0, count),
+            strict=True,
+        )
+    ]
+
+
+def _each(name: str, values: Sequence[Any], default: Any, count: int) -> Sequence[Any]:
+    from deeplight.errors import ConfigError
+
+    if len(values) not in (0, 1, count):
+        got = f"{len(values)} for {count} objects"
+        raise ConfigError(f"{name} once, or once for each --object", got, "repeat it for each")
+    return values if len(values) == count else (values[0] if values else default,) * count
+
+
+def _settings(args: Args) -> "Settings":
+    from deeplight.compose.compose import Settings
+    from deeplight.compose.trace import FINAL, PREVIEW
+
+    quality = FINAL if args.quality == "final" else PREVIEW
+    below, texture = args.below == "estimate", args.surface == "photo"
+    return Settings(quality, args.engine, light_from_below=below, texture=texture)
+
+
+def _placement(args: Args) -> "CameraPlacement":
+    from deeplight.compose.gravity import CameraPlacement
+
+    return CameraPlacement(args.camera_height, args.pitch, args.roll, args.fov)
+
+
+def _light(args: Args) -> Any:
+    """The given light as a latlong whose centre is the photo's view; None to estimate it."""
+    from deeplight.compose.trace import LIGHT_HEIGHT
+    from deeplight.io.environment_file import read_environment
+
+    if args.light is None:
+        return None
+    return read_environment(args.light, max_height=LIGHT_HEIGHT).radiance
+
+
+def _gain(args: Args) -> Any:
+    import numpy as np
+
+    return np.float32(2.0**args.stops)
+
+
+def _check_names(args: Args, video: bool) -> None:
+    from deeplight.errors import ConfigError
+
+    allowed = (".mp4",) if video else PICTURES
+    if args.out.suffix.lower() not in allowed:
+        raise ConfigError(f"--out ending in {', '.join(allowed)}", f"{args.out}", "rename it")
+    if args.out.exists() and args.photo.exists() and args.out.samefile(args.photo):
+        raise ConfigError("another file as --out", "the photo itself", "rename it")
+    if args.layers is not None and (video or args.layers.suffix.lower() != ".exr"):
+        got = f"{args.layers}" + (" for a video" if video else "")
+        raise ConfigError("--layers FILE.exr for a photo", got, "rename it or leave it out")

@@ -53,7 +53,7 @@ class Args:
 
 def run(args: Args) -> None:
     """Estimate all that can be; of the rest say why not, one line each."""
-    from deeplight.cli.main import told
+    from deeplight.cli.main import describe_os_error
     from deeplight.cli.screen import progress_bar, results_console
     from deeplight.errors import ConfigError, InputError
     from deeplight.estimators.batch import BatchSettings, SourceDone, estimate_batch
@@ -83,7 +83,7 @@ def run(args: Args) -> None:
                 bar(int(number > 1))
 
             def complain(error: InputError | OSError) -> None:
-                message = told(error) if isinstance(error, OSError) else str(error)
+                message = describe_os_error(error) if isinstance(error, OSError) else str(error)
                 line = f"deeplight estimate: {' '.join(message.split())}"
                 bar.console.print(escape(line))
 

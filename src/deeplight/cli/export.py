@@ -28,20 +28,27 @@ class Args:
     calibrate: Path | None = None
     """Data set whose training photos choose the integers of the two int8."""
     photos: int = 128
-    """So many of them, evenly spread."""
+    """Number of them, evenly spread."""
     trained_on: str = ""
     """Of a run: what it was trained on, in words; the file keeps them."""
 
 
 def run(args: Args) -> None:
-    """Read the network, write the file, tell what it is."""
-    from rich.console import Console
+    """Read the network, write the file, say what it is."""
+    from deeplight.cli.screen import results_console
+    from deeplight.deploy.network import write_network
 
-    from deeplight.cli.export_network import exported
-
-    console = Console(highlight=False, soft_wrap=True)
+    console = results_console()
     with console.status("exporting"):
-        contract = exported(args)
+        contract = write_network(
+            args.model,
+            args.out,
+            args.format,
+            args.precision,
+            args.calibrate,
+            args.photos,
+            args.trained_on,
+        )
     size = args.out.stat().st_size / 1e6
     console.print(
         f"{args.out}: {size:.1f} MB, {args.precision}, {contract.width} x {contract.height} photos "

@@ -1,6 +1,6 @@
 """The `deeplight` command: find the verb, run it, turn errors into exit codes.
 
-Exit code 0: done. 2: bad input, told in one line. 1: a bug, with its traceback. 130: interrupted.
+Exit code 0: done. 2: bad input, one line on stderr. 1: a bug, with its traceback. 130: interrupted.
 """
 
 import importlib
@@ -17,18 +17,21 @@ VERBS = {
     "compose": "put objects into a photo, lit by its own light",
     "simulate": "film the three spheres in HDR panoramas: a data set",
     "reflectance": "light-stage photographs of the spheres in, their reflectance bases out",
-    "panoramas": "fetch CC0 panoramas from Poly Haven to film in",
+    "fetch": "fetch CC0 panoramas from Poly Haven to film in",
     "capture": "clips of the filmed spheres in: a data set, and a report for each clip",
     "train": "train the network on a data set",
-    "render": "radiance transfer of an object, for shading it in real time",
+    "transfer": "radiance transfer of an object, for shading it in real time",
     "convert": "light in any format and mapping, for any tool, edited on the way",
     "demo": "the live page: camera or photo in, its light out, in the browser",
     "export": "a trained network as ONNX or TFLite, in fewer bits if wanted",
     "benchmark": "how fast models run here, by runtime and threads",
-    "evaluate": "measure an estimator on a data set, beside trivial baselines",
+    "evaluate": "measure an estimator on a data set, next to trivial baselines",
     "study": "ask people which pictures look right, and rank methods by their answers",
 }
 """Verb -> help line. Only the module of the verb asked for, `deeplight.cli.<verb>`, is loaded."""
+
+RENAMED = {"panoramas": "fetch", "render": "transfer"}
+"""Verbs of earlier versions -> what they are called now."""
 
 EXTRA_OF = {
     "ai_edge_litert": "litert",
@@ -98,7 +101,7 @@ def run_command(program: str, module: str | ModuleType, words: list[str]) -> int
     except InputError as error:
         return _complain(program, str(error))
     except OSError as error:
-        return _complain(program, told(error))
+        return _complain(program, describe_os_error(error))
     except ModuleNotFoundError as error:
         extra = EXTRA_OF.get((error.name or "").partition(".")[0])
         if extra is None:
@@ -114,7 +117,7 @@ def _parse(module: ModuleType, program: str, words: list[str]) -> object:
     return tyro.cli(module.Args, args=words, prog=program, description=module.__doc__)
 
 
-def told(error: OSError) -> str:
+def describe_os_error(error: OSError) -> str:
     """Say an operating system's error without its number."""
     if error.strerror is None:
         return str(error)
@@ -130,6 +133,8 @@ def _complain(program: str, message: str) -> int:
 def _suggestion(word: str) -> str:
     import difflib
 
+    if word in RENAMED:
+        return f"it is '{RENAMED[word]}' now"
     near = difflib.get_close_matches(word.lower(), VERBS, n=1)
     return f"did you mean '{near[0]}'?" if near else f"one of: {', '.join(VERBS)}"
 
@@ -147,6 +152,6 @@ options:
   -h, --help     show this
   -V, --version  show the version
 
-`deeplight VERB --help` tells a verb's options, with an example:
+`deeplight VERB --help` shows a verb's options, with an example:
   deeplight estimate photo.jpg --out out
 """

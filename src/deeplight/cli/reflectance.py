@@ -10,9 +10,15 @@ a folder.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from deeplight.light_stage.certificate import Certificate, SphereCertificate
+    from deeplight.light_stage.measure import MeasureSettings
 
 
 @dataclass(frozen=True)
@@ -45,13 +51,77 @@ class Args:
 
 def run(args: Args) -> None:
     """Read with a progress bar, print the certificate, write the files."""
-    from deeplight.cli.reflectance_report import reading, settings_of, show
+    from deeplight.cli.screen import progress_bar
     from deeplight.light_stage.files import check_name, write_measured
     from deeplight.light_stage.measure import measure, photographs_in
 
     check_name(args.out)
-    how = settings_of(args)
-    with reading(photographs_in(args.folder, how)) as advance:
+    how = _settings(args)
+    with progress_bar("reading photographs", photographs_in(args.folder, how)) as advance:
         measured = measure(args.folder, how, advance)
     files = write_measured(args.out, measured, args.folder, how)
-    show(measured.certificate, files)
+    _show(measured.certificate, files)
+
+
+def _settings(args: Args) -> "MeasureSettings":
+    """The options as settings; ConfigError for impossible ones."""
+    from deeplight.errors import ConfigError
+    from deeplight.light_stage.measure import MeasureSettings
+
+    if args.linear and args.gamma is not None:
+        raise ConfigError("--linear or --gamma", "both", "give one")
+    return MeasureSettings(
+        material=args.material,
+        lights=args.lights,
+        directions_from_mirror=args.directions_from_mirror,
+        fov_deg=args.fov,
+        gamma=1.0 if args.linear else args.gamma,
+        circle=args.circle,
+        reflectivity=dict(_named_value(text) for text in args.reflectivity),
+        passes=args.passes,
+    )
+
+
+def _show(certificate: "Certificate", files: "Sequence[Path]") -> None:
+    """Print the furnace of every sphere, warnings, and the files."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from deeplight.cli.screen import results_console
+
+    console = results_console()
+    table = Table("sphere", "furnace", "expected", "lowest", "highest", "colour")
+    for name, sphere in certificate.spheres.items():
+        table.add_row(escape(name), *_cells(sphere))
+    console.print(table)
+    for name, sphere in certificate.spheres.items():
+        (x, y), (major, minor) = sphere.centre_px, sphere.axes_px
+        place = f"found at {x:.2f}, {y:.2f} px with half axes {major:.2f}, {minor:.2f} px"
+        console.print(f"{escape(name)} {place}")
+    console.print(f"{certificate.lights} lights; scale from {escape(certificate.scale_from)}")
+    for warning in certificate.warnings:
+        console.print(f"warning: {escape(warning)}", style="yellow")
+    console.print(escape(" ".join(str(file) for file in files)))
+
+
+def _cells(sphere: "SphereCertificate") -> list[str]:
+    expected = "unknown" if sphere.expected is None else f"{sphere.expected}"
+    note = " (given)" if sphere.forced else "" if sphere.photographed else " (one-hot)"
+    return [
+        f"{sphere.measured:.4f}",
+        expected + note,
+        f"{sphere.lowest:.4f}",
+        f"{sphere.highest:.4f}",
+        " ".join(f"{c:.3f}" for c in sphere.colour) if sphere.photographed else "",
+    ]
+
+
+def _named_value(text: str) -> tuple[str, float]:
+    from deeplight.errors import ConfigError
+
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        do = "write --reflectivity diffuse=0.345"
+        raise ConfigError("SPHERE=VALUE", repr(text), do) from None

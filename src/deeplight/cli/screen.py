@@ -69,6 +69,11 @@ class ProgressBar:
         self._progress.advance(self._task, steps)
         self._line()
 
+    def reach(self, done: int, total: int | None = None) -> None:
+        """Stand at a number of steps, of a number if that is known."""
+        self._progress.update(self._task, completed=done, total=total)
+        self._line()
+
     def expect(self, total: int) -> None:
         """Set the number of steps, where it is known only later."""
         self._progress.update(self._task, total=total)

@@ -8,9 +8,19 @@ folder holds run.toml, losses.csv, validation.csv, curves.png, the checkpoints a
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Self
 
 import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from deeplight.sphere import SPHERES
+
+if TYPE_CHECKING:
+    from deeplight.training.loop import Progress as Standing
+    from deeplight.training.validation import SphereErrors
 
 
 @dataclass(frozen=True)
@@ -38,15 +48,13 @@ class Args:
     nodes: int = 1
     """Machines; start the same command on each (see docs/training.md)."""
     minutes: float = 0.0
-    """Stop with a checkpoint after so many minutes; 0: never."""
+    """Stop with a checkpoint after this number of minutes; 0: never."""
     export: Path | None = None
     """Write the best weights of the finished run to this ONNX file."""
 
 
 def run(args: Args) -> None:
     """Train with a progress bar; export if asked to."""
-    from deeplight.cli.train_export import finish
-    from deeplight.cli.train_progress import TrainProgress
     from deeplight.training.devices import first_process
     from deeplight.training.loop import train
     from deeplight.training.presets import preset
@@ -57,3 +65,86 @@ def run(args: Args) -> None:
         train(args.data, args.out, config, args.imagenet, progress.show, args.weights, args.more)
     if first_process():
         finish(args.out, args.data, args.export)
+
+
+def finish(run_dir: Path, data: str, path: Path | None) -> None:
+    """Print how far a run has come; write its best weights to `path` if there is one."""
+    from deeplight.cli.screen import results_console
+    from deeplight.deploy.network import write_best_network
+    from deeplight.training import checkpoint
+
+    console, best = results_console(), run_dir / checkpoint.BEST
+    if best.is_file():
+        step = checkpoint.read_header(best).step
+        line = f"{run_dir}: best at step {step}; look at {run_dir / 'curves.png'}"
+        console.print(line, markup=False)
+    if path is not None:
+        write_best_network(run_dir, path, data.rstrip("/").rsplit("/", 1)[-1])
+        console.print(f"wrote {path}", markup=False)
+
+
+class TrainProgress:
+    """A progress bar with loss and images per second; a table after each validation."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self.console = Console(quiet=quiet)
+        self.bar = Progress(
+            TextColumn("training"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("loss {task.fields[loss]:.4f}  {task.fields[speed]:.1f} images/s"),
+            TimeRemainingColumn(),
+            console=self.console,
+        )
+        self.start = self.console.status("reading the data, fitting the best constant lighting")
+        self.task = self.bar.add_task("training", total=None, loss=float("nan"), speed=0.0)
+
+    def __enter__(self) -> Self:
+        self.start.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.start.stop()
+        if self.bar.live.is_started:
+            self.bar.stop()
+
+    def show(self, standing: "Standing") -> None:
+        """Move the bar; print the validation if there was one."""
+        if standing.fitted is not None:
+            self.start.update("fitting light to example {} of {}".format(*standing.fitted))
+            return
+        if not self.bar.live.is_started:
+            self.start.stop()
+            self.bar.start()
+        self.bar.update(
+            self.task,
+            completed=standing.step,
+            total=standing.total,
+            loss=standing.loss,
+            speed=standing.images_per_second,
+        )
+        if standing.errors:
+            self.console.print(_validation_table(standing))
+
+
+def _validation_table(standing: "Standing") -> Table:
+    """Masked L1 of each split and sphere, and as a share of the constant lighting's."""
+    title = (
+        f"step {standing.step} of {standing.total}: masked L1 (share of the best constant lighting)"
+    )
+    table = Table("split", *SPHERES, title=title, title_justify="left")
+    for errors in standing.errors:
+        table.add_row(errors.split, *(_cell(errors, name) for name in SPHERES))
+    return table
+
+
+def _cell(errors: "SphereErrors", sphere: str) -> str:
+    """0.123 (0.61)."""
+    ratio = errors.ratio(sphere)
+    share = "" if ratio is None else f" ({ratio:.2f})"
+    return f"{errors.model[sphere]:.4f}{share}"

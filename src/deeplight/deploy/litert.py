@@ -3,7 +3,7 @@
 import copy
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,13 +11,12 @@ from jaxtyping import Float32
 from torch import Tensor, nn
 
 from deeplight.contract import ModelContract
+from deeplight.deploy.precision import Precision
 from deeplight.deploy.rounding import round_weights
 from deeplight.errors import ConfigError, MissingExtraError
 from deeplight.io.atomic import replacing
 from deeplight.io.quiet import quiet
 
-Precision = Literal["float32", "float16", "int8-weights", "int8"]
-PRECISIONS: tuple[Precision, ...] = ("float32", "float16", "int8-weights", "int8")
 LEAST_PHOTOS = 16
 
 SIGNATURE = "serving_default"

@@ -1,7 +1,7 @@
 /**
  * Reads a transfer file: an object with its precomputed radiance transfer.
  *
- * The format is `docs/transfer.md`; `deeplight render transfer` writes it. Frame of the object: +Y is up, it stands on
+ * The format is `docs/transfer.md`; `deeplight transfer` writes it. Frame of the object: +Y is up, it stands on
  * y = 0, its longest side is 1. Harmonics have the order and signs of `Lighting.harmonics`.
  */
 import { TRANSFER } from "deeplight/core";
@@ -108,7 +108,7 @@ function readHeader(buffer: ArrayBuffer): Header {
   const view = new DataView(buffer);
   if (buffer.byteLength < HEADER_BYTES || view.getUint32(0, true) !== TRANSFER.magic) {
     throw new TransferError(
-      "This file is no object with transfer. Make one with: deeplight render transfer",
+      "This file is no object with transfer. Make one with: deeplight transfer",
     );
   }
   const version = view.getUint16(4, true);

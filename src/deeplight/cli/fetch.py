@@ -1,8 +1,8 @@
 """Fetch CC0 panoramas from Poly Haven, to film in with `deeplight simulate`.
 
-deeplight panoramas abandoned_bakery brown_photostudio_02 --out hdri
+deeplight fetch abandoned_bakery brown_photostudio_02 --out hdri
 
-deeplight panoramas --manifest wanted.csv --out hdri
+deeplight fetch --manifest wanted.csv --out hdri
 
 Writes the panoramas and manifest.csv (which splits them by place). Cut short and run again, it goes
 on where it was. Every file is checked against the checksum that the server announces.
@@ -19,7 +19,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, Trans
 
 @dataclass(frozen=True)
 class Args:
-    """Options of `deeplight panoramas`."""
+    """Options of `deeplight fetch`."""
 
     slugs: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
     """Names as in polyhaven.com/a/NAME."""
