@@ -26,6 +26,8 @@ CONTRACT_KEY = "deeplight.contract"
 """Name of the metadata entry of an ONNX file that holds the contract."""
 
 CONTRACT_VERSION = 1
+MAX_SIDE = 4096  # of what goes in and comes out
+MOST = 100.0  # no angle, gamma or aspect of a camera comes near
 
 SERVED: Mapping[str, str] = MappingProxyType(
     {
@@ -106,20 +108,25 @@ class ModelContract:
 
     def _check_numbers(self) -> None:
         sane = {
-            "width": self.width > 0,
-            "height": self.height > 0,
-            "output_size": self.output_size > 0,
-            "input_high": self.input_high > self.input_low,
-            "vertical_fov_deg": 0 < self.vertical_fov_deg < 180,
-            "frame_aspect": self.frame_aspect > 0,
+            "width": self._whole(self.width, MAX_SIDE),
+            "height": self._whole(self.height, MAX_SIDE),
+            "output_size": self._whole(self.output_size, MAX_SIDE),
+            "input_low": abs(self.input_low) < MOST,
+            "input_high": self.input_low < self.input_high < MOST,
+            "vertical_fov_deg": 1 < self.vertical_fov_deg < 179,
+            "frame_aspect": 1 / MOST < self.frame_aspect < MOST,
             "background_fraction": 0 <= self.background_top < self.background_fraction <= 1,
-            "gamma": self.gamma > 0,
-            "soft_clip_n": self.soft_clip_n > 0,
+            "gamma": 1 / MOST < self.gamma < MOST,
+            "soft_clip_n": 1 / MOST < self.soft_clip_n < MOST,
         }
         for name, holds in sane.items():
             if not holds:
                 got = f"{getattr(self, name)!r}"
                 raise ModelError(f"a possible {name} in the model contract", got, _REMEDY)
+
+    @staticmethod
+    def _whole(value: object, most: int) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool) and 0 < value <= most
 
     @property
     def top(self) -> float:
@@ -153,7 +160,7 @@ class ModelContract:
         """
         try:
             entries = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ModelError("a model contract in JSON", str(error), _REMEDY) from error
         if not isinstance(entries, dict):
             raise ModelError("a model contract (a JSON object)", type(entries).__name__, _REMEDY)

@@ -162,11 +162,11 @@ def test_a_large_texture_is_reduced_and_a_huge_one_told_by_name(
     box.visual = trimesh.visual.TextureVisuals(np.zeros((len(box.vertices), 2)), material=material)
     for name in ("a.glb", "b.glb"):
         (tmp_path / name).write_bytes(box.export(file_type="glb"))
-    monkeypatch.setattr("deeplight.compose.mesh.KEPT_TEXTURE_PX", 30)
+    monkeypatch.setattr("deeplight.compose.textures.KEPT_TEXTURE_PX", 30)
     (kept,) = load(str(tmp_path / "a.glb"))
     assert kept.finish.colour_map is not None
     assert kept.finish.colour_map.shape == (22, 11, 3)
-    monkeypatch.setattr("deeplight.compose.mesh.MAX_TEXTURE_PX", 50)
+    monkeypatch.setattr("deeplight.compose.textures.MAX_TEXTURE_PX", 50)
     with pytest.raises(ImageFileError, match=r"b\.glb.*32 x 64"):
         load(str(tmp_path / "b.glb"))
 

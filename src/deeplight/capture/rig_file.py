@@ -18,6 +18,7 @@ import numpy as np
 from deeplight.capture.located import TagRig
 from deeplight.errors import DataSetError, InputError
 from deeplight.io.atomic import replacing
+from deeplight.io.json_text import parse_json
 from deeplight.sphere import SPHERES, Rig
 
 _LARGEST_FILE = 1_000_000  # bytes; a rig file has a few hundred
@@ -34,7 +35,7 @@ def read_rig_file(path: Path | str) -> Rig | TagRig:
     try:
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE)
-        values = json.loads(content)
+        values = parse_json(content)
         return _tag_rig(values) if "tag" in values else _saved_rig(values)
     except (ValueError, TypeError, KeyError, AttributeError, InputError, RecursionError) as error:
         raise DataSetError(

@@ -3,12 +3,14 @@
 Never for geometry: a simulated clip is captured exactly like a real one.
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
+
+from deeplight.io.arrays_file import read_arrays
+from deeplight.io.json_text import read_json
 
 
 def true_place(clip: Path) -> dict[str, str]:
@@ -22,8 +24,8 @@ def true_lighting(clip: Path) -> dict[int, Float32[np.ndarray, "light light 3"]]
     """Give the light of some frames of a simulated clip, by their position in the file."""
     path = clip.with_suffix(".truth.npz")
     try:
-        with np.load(path, allow_pickle=False) as truth:
-            light, frames = truth["true_lighting"], truth["true_lighting_frames"].tolist()
+        truth = read_arrays(path)
+        light, frames = truth["true_lighting"], truth["true_lighting_frames"].tolist()
         dropped = np.array([frame["dropped"] for frame in _described(clip)["frames"]], bool)
     except (OSError, ValueError, KeyError, TypeError):
         return {}
@@ -34,7 +36,7 @@ def true_lighting(clip: Path) -> dict[int, Float32[np.ndarray, "light light 3"]]
 
 def _described(clip: Path) -> dict[str, Any]:
     try:
-        values = json.loads(clip.with_suffix(".truth.json").read_text(encoding="utf-8"))
+        values = read_json(clip.with_suffix(".truth.json"))
     except (OSError, ValueError):
         return {}
     return values if isinstance(values, dict) else {}

@@ -142,6 +142,8 @@ def placed(
         notes.append(f"{item.object}: {size:.3g} m at ({x:.0f}, {y:.0f}), {away:.3g} m away")
         if any(mesh.finish.lost for mesh in meshes):
             notes.append(f"{item.object}: a texture or material could not be read, left out")
+        told = sorted({note for mesh in meshes for note in mesh.finish.notes})
+        notes += [f"{item.object}: {note}" for note in told]
     return solids, notes
 
 

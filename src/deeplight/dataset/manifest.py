@@ -10,6 +10,7 @@ from typing import Any
 from deeplight.dataset.splits import SPLITS, check_places
 from deeplight.errors import DataSetError
 from deeplight.io.atomic import replacing
+from deeplight.io.json_text import read_json as read_json_file
 
 VERSION = 1
 MANIFEST = "manifest.json"
@@ -139,7 +140,7 @@ def write_json(path: Path, values: Mapping[str, Any], indent: int | None = 1) ->
 def read_json(path: Path) -> Any:
     """Read a JSON file of a data set; one that is not JSON is a DataSetError."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return read_json_file(path)
     except ValueError as error:
         raise DataSetError(f"JSON in {path}", str(error), _AGAIN) from error
 

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from deeplight.dataset.example import Example, ExampleMeta
-from deeplight.errors import DataSetError, InputError
+from deeplight.errors import DataSetError
+from deeplight.io.arrays_file import array_of
+from deeplight.io.json_text import parse_json
 from deeplight.io.photos import decode_rgb, encode_jpeg, encode_png
 from deeplight.sphere import SPHERES
 
@@ -42,7 +44,7 @@ def from_members(key: str, members: Mapping[str, bytes]) -> Example:
     """
     suffix = METADATA
     try:
-        metadata = json.loads(members[suffix])
+        metadata = parse_json(members[suffix])
         has_lighting = metadata.pop("true_lighting")
         meta = ExampleMeta.from_dict(metadata)
         suffix = BACKGROUND
@@ -54,8 +56,8 @@ def from_members(key: str, members: Mapping[str, bytes]) -> Example:
         lighting = None
         if has_lighting:
             suffix = LIGHTING
-            lighting = np.load(io.BytesIO(members[suffix]), allow_pickle=False)
-    except (InputError, KeyError, ValueError, OSError, AttributeError) as error:
+            lighting = array_of(members[suffix])
+    except Exception as error:  # decoders raise errors of every kind
         raise unreadable(f"{key}.{suffix}", error) from error
     return Example(key, background, spheres, meta, lighting, members[BACKGROUND])
 
@@ -74,7 +76,7 @@ def decode_pixels(key: str, members: Mapping[str, bytes]) -> tuple[np.ndarray, n
         for suffix in (BACKGROUND, *(f"{name}.png" for name in SPHERES)):
             pictures.append(decode_rgb(members[suffix]))
         return pictures[0], np.stack(pictures[1:])
-    except (InputError, KeyError, ValueError, OSError) as error:
+    except Exception as error:
         raise unreadable(f"{key}.{suffix}", error) from error
 
 

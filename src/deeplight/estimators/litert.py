@@ -1,6 +1,5 @@
 """The network as an estimator: a TFLite file run by LiteRT, what phones run."""
 
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from deeplight.estimators.network import (
     cores,
     refuse_other_sizes,
 )
+from deeplight.estimators.trial import try_once
 from deeplight.io.quiet import quiet
 
 _KERNELS = {
@@ -33,15 +33,22 @@ class LiteRTEstimator(NetworkEstimator):
         model_path: the .tflite file.
         threads: cores the network may use; left out, all that this process has, at most 4.
         xnnpack: run float32 and 8-bit layers with XNNPACK, LiteRT's fast kernels.
+        trusted: do not try the file in a process with limits first; see `trial`.
 
     Raises:
         ModelError: no such file, no TFLite model, not one of ours, or one of another version.
     """
 
     def __init__(
-        self, model_path: Path | str, threads: int | None = None, xnnpack: bool = True
+        self,
+        model_path: Path | str,
+        threads: int | None = None,
+        xnnpack: bool = True,
+        trusted: bool = False,
     ) -> None:
         self.path = Path(model_path)
+        if not trusted:
+            try_once(self.path)
         content = content_of(self.path)
         self.contract = ModelContract.from_json(contract_text(content, self.path))
         try:
@@ -52,11 +59,12 @@ class LiteRTEstimator(NetworkEstimator):
                     experimental_op_resolver_type=_KERNELS[xnnpack],
                 )
                 self._interpreter.allocate_tensors()
-        except (RuntimeError, ValueError) as error:
+                self._runner = self._interpreter.get_signature_runner()
+                inputs = self._runner.get_input_details()
+                outputs = self._runner.get_output_details()
+        except Exception as error:  # whatever its parser runs into
             got = f"{self.path}, which LiteRT cannot load"
             raise ModelError("a TFLite model", got, _DO) from error
-        self._runner = self._interpreter.get_signature_runner()
-        inputs, outputs = self._runner.get_input_details(), self._runner.get_output_details()
         refuse_other_sizes(
             self.contract,
             {name: entry["shape"].tolist()[1:] for name, entry in inputs.items()},
@@ -88,7 +96,7 @@ def contract_text(content: bytes, path: Path) -> str:
             if entry.Name() == CONTRACT_KEY.encode():
                 data = model.Buffers(entry.Buffer()).DataAsNumpy()
                 return bytes(data).decode()
-    except (struct.error, IndexError, TypeError, AttributeError, ValueError) as error:
+    except Exception as error:  # offsets that lead anywhere
         raise ModelError("a whole TFLite model", f"{path}, which is damaged", _DO) from error
     got = f"{path} without a '{CONTRACT_KEY}' entry"
     raise ModelError("a model exported by deeplight", got, _DO)

@@ -103,9 +103,17 @@ class NetworkEstimator(ABC):
         """Give ln radiance for pictures already brought to the trained view and to [-0.5, 0.5].
 
         Raises:
-            ModelError: the network gives NaN or more radiance than a float holds.
+            ModelError: the network cannot be run, or gives NaN or more radiance than a float holds.
         """
-        output = self.run(np.ascontiguousarray(inputs, np.float32))
+        size = self.contract.output_size
+        try:
+            output = self.run(np.ascontiguousarray(inputs, np.float32))
+        except Exception as error:  # a file can be made to fail in any way
+            got = f"{self.path} that cannot be run"
+            raise ModelError("a whole model", got, "export it again") from error
+        if output.shape != (len(inputs), 3, size, size):
+            got = f"{self.path} that gives {output.shape}"
+            raise ModelError(f"light of {(len(inputs), 3, size, size)}", got, "export it again")
         log_radiance: np.ndarray = output.transpose(0, 2, 3, 1)
         if not np.all(log_radiance < np.log(np.finfo(np.float32).max)):  # false for nan as well
             got = f"{self.path} that gives NaN or infinite light"

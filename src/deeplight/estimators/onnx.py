@@ -16,6 +16,15 @@ from deeplight.estimators.network import (
     cores,
     refuse_other_sizes,
 )
+from deeplight.estimators.trial import try_once
+
+# Protobuf writes an operator's name as its field, its length and its letters. Loops may have no
+# end, and onnxruntime runs those over constants while it loads; outside files may be any file.
+REFUSED = {
+    "a loop": b'"\x04Loop',
+    "a scan": b'"\x04Scan',
+    "weights in another file": b"\n\x08location\x12",
+}
 
 
 class OnnxEstimator(NetworkEstimator):
@@ -24,13 +33,21 @@ class OnnxEstimator(NetworkEstimator):
     Args:
         model_path: left out, the model shipped with the package.
         threads: cores the network may use; left out, all that this process has, at most 4.
+        trusted: do not try the file in a process with limits first; see `trial`.
 
     Raises:
         ModelError: no such file, no ONNX model, not one of ours, or one of another version.
     """
 
-    def __init__(self, model_path: Path | str | None = None, threads: int | None = None) -> None:
+    def __init__(
+        self,
+        model_path: Path | str | None = None,
+        threads: int | None = None,
+        trusted: bool = False,
+    ) -> None:
         self.path = shipped_model() if model_path is None else Path(model_path)
+        if model_path is not None and not trusted:
+            try_once(self.path)
         self._session = _open(self.path, threads or min(MAX_THREADS, cores()))
         self.contract = _contract(self._session, self.path)
 
@@ -59,6 +76,10 @@ def shipped_model() -> Path:
 
 def _open(path: Path, threads: int) -> ort.InferenceSession:
     content = content_of(path)
+    for name, mark in REFUSED.items():
+        if mark in content:
+            got = f"{path} with {name}"
+            raise ModelError("a feed-forward network in one file", got, "export it again")
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1

@@ -8,7 +8,6 @@ version                        1
 """
 
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from deeplight.errors import DataSetError, InputError
+from deeplight.io.arrays_file import read_arrays
 from deeplight.io.atomic import replacing
+from deeplight.io.json_text import parse_json
 from deeplight.reflectance import ReflectanceBasis, rig_bases
 from deeplight.sphere import Rig, SphereView
 
@@ -65,7 +66,7 @@ def load_provenance(path: Path | str) -> dict[str, Any]:
     """What the file tells of its making; OSError or DataSetError as `load_bases`."""
     text = str(_arrays(Path(path)).get("provenance", "{}"))
     try:
-        return dict(json.loads(text))
+        return dict(parse_json(text))
     except ValueError:
         raise _broken(Path(path), "a provenance that is no JSON") from None
 
@@ -95,12 +96,8 @@ def _basis(weights: np.ndarray, turn: np.ndarray, angular: np.ndarray) -> Reflec
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(info.file_size for info in archive.infolist()) > MAX_BYTES:
-                raise _broken(path, "far too much in it")
-        with np.load(path, allow_pickle=False) as file:
-            return {key: file[key] for key in file.files}
-    except (zipfile.BadZipFile, ValueError, EOFError, KeyError, zipfile.error) as error:
+        return read_arrays(path, MAX_BYTES)
+    except ValueError as error:
         raise _broken(path, f"{error}") from None
 
 

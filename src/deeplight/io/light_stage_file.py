@@ -24,6 +24,7 @@ from jaxtyping import Float
 from deeplight.errors import DataSetError
 from deeplight.frames import normalised
 from deeplight.io.atomic import replacing
+from deeplight.io.json_text import read_json
 
 LIGHTS_JSON, LIGHTS_CSV, CAMERA_JSON = "lights.json", "lights.csv", "camera.json"
 
@@ -134,7 +135,7 @@ def read_camera(folder: Path) -> StageCamera:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        values = json.loads(path.read_text(encoding="utf-8-sig"))
+        values = read_json(path)
     except (UnicodeDecodeError, ValueError, RecursionError) as error:
         raise DataSetError(f"JSON in {path}", f"{error}", "repair it") from None
     if not isinstance(values, dict):

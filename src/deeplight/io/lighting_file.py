@@ -15,6 +15,7 @@ from jaxtyping import Float, Float32
 from deeplight.errors import ImageFileError, InputError
 from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, project
 from deeplight.io.atomic import replacing
+from deeplight.io.json_text import read_json
 from deeplight.io.radiance import write_exr, write_hdr
 from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
@@ -27,6 +28,7 @@ SEEN_HEIGHT = 64
 _WRITE_AGAIN = "write it again with this version of deeplight"
 FRAME = "camera: +X right, +Y up, +Z towards the camera; the camera looks along -Z"
 UNIT = "linear radiance; 1.0 is the camera's white, where a pixel of the photo just saturates"
+MAX_SIZE = 2048  # pixels across the ball
 VIEW_U = "deeplight:viewU"
 """Header entry of an EXR: the column of the view direction, 0 (left) to 1 (right)."""
 
@@ -123,6 +125,8 @@ def read_lighting_json(path: Path) -> Lighting:
     with _damage_named(path):
         ball = read_record(path)["mirror_ball"]
         size = int(ball["size"])
+        if not 0 < size <= MAX_SIZE:
+            raise ValueError(f"a mirror ball of {size} pixels")
         values = np.frombuffer(base64.b64decode(ball["radiance"]), "<f4")
         return Lighting(values.reshape(size, size, 3))
 
@@ -135,7 +139,7 @@ def read_record(path: Path) -> dict[str, Any]:
         ImageFileError: not a lighting file, of another version, or damaged.
     """
     with _damage_named(path):
-        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        record: dict[str, Any] = read_json(path)
         kind = (record["format"], record["format_version"])
         if kind != (FORMAT, FORMAT_VERSION):
             expected = f"a {FORMAT} file of version {FORMAT_VERSION}"
@@ -194,8 +198,12 @@ def seen_of_record(record: Mapping[str, Any]) -> Float32[np.ndarray, "height wid
     entry = record.get("seen")
     if entry is None:
         return None
-    levels = np.frombuffer(zlib.decompress(base64.b64decode(entry["levels"])), np.uint8)
     shape = int(entry["height"]), int(entry["width"])
+    if not 0 < min(shape) <= max(shape) <= MAX_SIZE:
+        raise ValueError(f"a map of {shape}")
+    unpack = zlib.decompressobj()
+    content = unpack.decompress(base64.b64decode(entry["levels"]), shape[0] * shape[1])
+    levels = np.frombuffer(content, np.uint8)
     return levels.reshape(shape).astype(np.float32) / np.float32(255)
 
 
@@ -203,7 +211,7 @@ def seen_of_record(record: Mapping[str, Any]) -> Float32[np.ndarray, "height wid
 def _damage_named(path: Path) -> Iterator[None]:
     try:
         yield
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, AttributeError) as error:
         got = f"{path}, which is none ({type(error).__name__}: {error})"
         raise ImageFileError(f"a {FORMAT} file", got, _WRITE_AGAIN) from error
 

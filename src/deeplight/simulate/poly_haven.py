@@ -9,7 +9,6 @@ announced is not kept.
 
 import csv
 import hashlib
-import json
 import re
 import time
 import urllib.error
@@ -26,6 +25,7 @@ from urllib.parse import urlsplit
 
 from deeplight.errors import ConfigError, DownloadError
 from deeplight.io.atomic import replacing
+from deeplight.io.json_text import parse_json
 from deeplight.simulate.panorama import MANIFEST, split_drawn_for
 
 API = "https://api.polyhaven.com"
@@ -80,7 +80,7 @@ class Server:
         address = f"{self.api.rstrip('/')}/{path}"
         content = self._attempts(lambda: self._read(address), address)
         try:
-            found = json.loads(content)
+            found = parse_json(content)
         except ValueError:
             found = None
         if not isinstance(found, dict):

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from deeplight.errors import ConfigError, ModelError
 from deeplight.io.atomic import replacing
+from deeplight.io.json_text import parse_json
 from deeplight.training.config import TrainConfig, differences
 
 BEST = "best.safetensors"
@@ -44,7 +45,7 @@ class Header:
 
     @classmethod
     def from_json(cls, text: str) -> "Header":
-        return cls(**json.loads(text))
+        return cls(**parse_json(text, finite=False))
 
 
 def save(path: Path, header: Header, **states: dict[str, Tensor]) -> None:

@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from deeplight.io.arrays_file import read_array
 from deeplight.io.atomic import replacing
 from deeplight.mappings import mirror_ball
 from deeplight.training.data import Batch, take
@@ -49,7 +50,7 @@ def fit_all(
             found = fit(bases, take(table, rows), loss, STEPS).cpu().numpy()
             with replacing(path) as temporary:
                 np.save(temporary, found)
-        fits.append(torch.from_numpy(np.load(path, allow_pickle=False)))
+        fits.append(torch.from_numpy(read_array(path)))
         if told is not None:
             told(first + len(rows), count)
     return torch.cat(fits).reshape(count, 3, size, size)

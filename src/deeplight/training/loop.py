@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from deeplight.errors import ConfigError
+from deeplight.io.arrays_file import read_array
 from deeplight.io.atomic import replacing
 from deeplight.report.run_record import write_run_toml
 from deeplight.sphere import SPHERES
@@ -217,7 +218,7 @@ class Run:
             with replacing(path) as temporary:
                 np.save(temporary, torch.cat((parts[0][None], parts[1])).numpy())
         self.fabric.barrier()
-        table = torch.from_numpy(np.load(path, allow_pickle=False))
+        table = torch.from_numpy(read_array(path))
         mixture.mean.copy_(table[0])
         mixture.components.copy_(table[1:])
 
@@ -365,7 +366,7 @@ class Run:
             with replacing(path) as temporary:
                 np.save(temporary, q.cpu().numpy())
         if path.exists():
-            self.validation.set_constant(torch.from_numpy(np.load(path)))
+            self.validation.set_constant(torch.from_numpy(read_array(path)))
 
     def validate(self) -> list[SphereErrors]:
         """Measure the averaged weights on the validation splits; keep them if they are the best."""

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from deeplight.contract import CONTRACT_KEY, ModelContract
 from deeplight.errors import ModelError
+from deeplight.io.boundary import reading
 from deeplight.training import checkpoint
 from deeplight.training.checkpoint import BEST
 from deeplight.training.network.generator import Generator, NetworkConfig, fold_batch_norm
@@ -36,7 +37,8 @@ def load_network(path: Path, data: str = "") -> tuple[Generator, ModelContract]:
     if not path.is_file():
         raise ModelError("a trained network", f"no file {path}", _DO)
     if path.suffix == ".onnx":
-        return _from_onnx(path)
+        with reading(path, ModelError):
+            return _from_onnx(path)
     header, states = checkpoint.load(path)
     generator = Generator(settings_of(header).network)
     _fill(generator, states.get("generator", {}), path)
@@ -47,7 +49,7 @@ def load_network(path: Path, data: str = "") -> tuple[Generator, ModelContract]:
 def _from_onnx(path: Path) -> tuple[Generator, ModelContract]:
     import onnx
     from google.protobuf.message import DecodeError
-    from onnx import numpy_helper
+    from onnx import external_data_helper, numpy_helper
 
     try:
         model = onnx.load(str(path), load_external_data=False)
@@ -57,6 +59,8 @@ def _from_onnx(path: Path) -> tuple[Generator, ModelContract]:
     if CONTRACT_KEY not in stored:
         raise ModelError("a model exported by deeplight", f"{path} without a contract", _DO)
     contract = ModelContract.from_json(stored[CONTRACT_KEY])
+    if any(external_data_helper.uses_external_data(tensor) for tensor in model.graph.initializer):
+        raise ModelError("weights inside the model", f"{path} with some outside", _DO)
     state = {
         tensor.name.removesuffix(".float16"): torch.tensor(numpy_helper.to_array(tensor)).float()
         for tensor in model.graph.initializer

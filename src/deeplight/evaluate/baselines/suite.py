@@ -1,7 +1,6 @@
 """All baselines of a data set; what takes long to make is made once and kept beside it."""
 
 import contextlib
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from deeplight.evaluate.baselines.training_mean import NAME as MEAN_NAME
 from deeplight.evaluate.baselines.training_mean import SPLIT as MEAN_SPLIT
 from deeplight.evaluate.baselines.training_mean import training_mean
 from deeplight.evaluate.baselines.training_pixels import training_pixels
+from deeplight.io.arrays_file import read_arrays
 from deeplight.io.atomic import replacing
 
 CACHE = ".constant-baselines.npz"
@@ -94,11 +94,11 @@ def nearest_neighbour(data: DataSet) -> NearestNeighbour:
 
 def _load(path: Path, made_of: str) -> dict[str, Any] | None:
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            if str(stored["made_of"]) != made_of:
-                return None
-            return {name: stored[name] for name in stored.files if name != "made_of"}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        stored = read_arrays(path)
+        if str(stored.pop("made_of")) != made_of:
+            return None
+        return dict(stored)
+    except (OSError, ValueError, KeyError):
         return None  # none yet, or damaged: made again
 
 

@@ -1,7 +1,5 @@
 """ImageNet weights for the encoder, from an `.npz` with batch norm folded into the convolutions."""
 
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from deeplight.errors import ModelError
+from deeplight.io.arrays_file import read_arrays
 from deeplight.training.network.mobilenet_v2 import STEM_CHANNELS, ConvNorm, MobileNetV2Encoder
 
 # The weights were trained on photos in [-1, 1]; ours are in [-0.5, 0.5].
@@ -59,12 +58,10 @@ def read_folded(path: Path) -> dict[str, np.ndarray]:
         ModelError: it is no .npz, or damaged.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return {name: np.asarray(arrays[name]) for name in arrays.files}
-    except (FileNotFoundError, PermissionError):
-        raise
-    except (ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise ModelError("an .npz of MobileNetV2 weights", str(path), "check the file") from error
+        return read_arrays(path)
+    except ValueError as error:
+        got = f"{path} with {error}"
+        raise ModelError("an .npz of MobileNetV2 weights", got, "check the file") from error
 
 
 def named_convolutions(encoder: nn.Module) -> list[tuple[str, ConvNorm]]:

@@ -1,0 +1,272 @@
+"""Read meshes from files: glTF by our own reader, .obj and .ply by trimesh."""
+
+import io
+import logging
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight.compose import gltf_mesh
+from deeplight.compose.gltf_file import GltfFile
+from deeplight.compose.gltf_look import Look
+from deeplight.compose.textures import Pixels, Textures
+from deeplight.compose.triangles import Finish, Mesh
+from deeplight.errors import ImageFileError, MissingExtraError
+from deeplight.io.boundary import reading
+from deeplight.io.neighbour import neighbour
+
+MAX_TEXTURE_BYTES = 200_000_000
+MAX_TEXT_BYTES = 200_000_000  # an .obj takes about ten times its size while it is read
+
+SHARP_RAD = float(np.radians(40))  # an edge of more is not smooth
+
+
+def read_meshes(path: Path, max_triangles: int) -> list[Mesh]:
+    """Read every mesh of a file, each where its scene puts it.
+
+    Raises:
+        OSError: the file, or one of its buffers, cannot be read.
+        ImageFileError: no mesh, a broken or far too large one.
+        MissingExtraError: the `render` extra is not installed.
+    """
+    try:
+        import trimesh  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("render", f"reading {path.name}") from error
+    with reading(path), warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
+        if path.suffix.lower() in (".glb", ".gltf"):
+            return _of_gltf(path, max_triangles)
+        return _of_text(path)
+
+
+def _of_gltf(path: Path, max_triangles: int) -> list[Mesh]:
+    file = GltfFile(path)
+    parts = gltf_mesh.read(file, max_triangles)
+    looks = {id(part.look): part.look for part in parts}
+    textures = Textures(path, 2 * len(looks))
+    finishes = {key: _finish_of(look, file, textures) for key, look in looks.items()}
+    meshes = []
+    for part in parts:
+        finish = replace(finishes[id(part.look)], notes=part.notes)
+        given = (part.vertices, part.faces, part.normals, part.uv, part.colours)
+        meshes.append(_shaded(Mesh(*given, finish)))
+    return meshes
+
+
+def _of_text(path: Path) -> list[Mesh]:
+    """Read an .obj or .ply file with trimesh."""
+    import trimesh
+
+    beside = _Beside(path)
+    with _losses() as lost:
+        suffix = path.suffix.lower().removeprefix(".")
+        content = io.BytesIO(_whole(path, suffix))
+        scene = trimesh.load_scene(content, file_type=suffix, resolver=beside, process=False)
+        if beside.fault is not None:
+            raise beside.fault
+        pieces = [
+            piece for piece in scene.dump(concatenate=False) if isinstance(piece, trimesh.Trimesh)
+        ]
+        textures = Textures(path, len(pieces))
+        return [_shaded(_mesh(piece, textures, bool(lost))) for piece in pieces]
+
+
+def _whole(path: Path, suffix: str) -> bytes:
+    if path.stat().st_size > MAX_TEXT_BYTES and suffix == "obj":
+        got = f"{path} of {path.stat().st_size / 1e6:.0f} MB"
+        raise ImageFileError(
+            f"an .obj of at most {MAX_TEXT_BYTES / 1e6:.0f} MB", got, "save a .glb"
+        )
+    content = path.read_bytes()
+    if suffix == "obj":
+        return _unicode(content)
+    head, end, rest = content.partition(b"end_header")  # the rest may be binary
+    return _unicode(head) + end + rest
+
+
+def _unicode(text: bytes) -> bytes:
+    """Give text of unknown encoding as UTF-8: what is not UTF-8 is taken for Latin-1."""
+    if text[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return text.decode("utf-16", "replace").encode()
+    try:
+        return text.decode("utf-8-sig").encode()
+    except UnicodeDecodeError:
+        return text.decode("latin-1").encode()
+
+
+class _Beside(Mapping[str, bytes]):
+    """Gives trimesh the material files and textures beside a mesh, and nothing from elsewhere.
+
+    trimesh goes on without what it cannot get, so a fault worth refusing is kept here.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.fault: ImageFileError | None = None
+
+    def __getitem__(self, name: str) -> bytes:
+        try:
+            content = neighbour(self.path, name, MAX_TEXTURE_BYTES)
+        except ImageFileError as error:
+            self.fault = error
+            raise
+        return _unicode(content) if name.lower().endswith(".mtl") else content
+
+    def get(self, name: str, _default: Any = None) -> Any:
+        """Give a file as `[]` does: trimesh expects an error where there is none."""
+        return self[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+
+@contextmanager
+def _losses() -> Iterator[list[str]]:
+    """Collect what trimesh says of textures and materials that it leaves out.
+
+    It goes on without them and tells only its log.
+    """
+    lost: list[str] = []
+    handler, log = logging.Handler(), logging.getLogger("trimesh")
+    level, spread = log.level, log.propagate
+
+    def keep(record: logging.LogRecord) -> None:
+        told = record.getMessage()
+        if "image" in told or "material" in told:
+            lost.append(told)
+
+    handler.emit = keep  # type: ignore[method-assign]
+    log.addHandler(handler)
+    log.setLevel(logging.DEBUG)
+    log.propagate = False
+    try:
+        yield lost
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
+        log.propagate = spread
+
+
+def _mesh(piece: Any, textures: Textures, lost: bool) -> Mesh:
+    """Convert what trimesh read."""
+    finish = _finish(getattr(piece.visual, "material", None), textures)
+    if piece.visual.kind == "face":
+        piece.unmerge_vertices()  # a colour for each vertex of each face
+    uv = getattr(piece.visual, "uv", None)
+    return Mesh(
+        np.asarray(piece.vertices, float),
+        np.asarray(piece.faces, int),
+        np.asarray(piece.vertex_normals, float) if len(piece.faces) else None,
+        None if uv is None else np.asarray(uv, float)[:, :2],
+        _colours(piece),
+        replace(finish, lost=finish.lost or lost),
+    )
+
+
+def _colours(piece: Any) -> Float[np.ndarray, "n 3"] | None:
+    """Give the vertices' colours, linear; .ply and .obj files hold encoded ones."""
+    if piece.visual.kind not in ("vertex", "face"):
+        return None
+    encoded = np.asarray(piece.visual.vertex_colors)[:, :3] / 255.0
+    raw = piece.metadata.get("_ply_raw", {}).get("vertex", {})
+    names = ("red", "green", "blue")
+    kinds = [np.dtype(raw.get("properties", {}).get(name, "u1")) for name in names]
+    if all(kind.kind == "u" and kind.itemsize > 1 for kind in kinds):
+        # trimesh takes whole numbers for bytes.
+        shares = [
+            raw["data"][name].ravel() / np.iinfo(kind).max
+            for name, kind in zip(names, kinds, strict=True)
+        ]
+        encoded = np.stack(shares, -1)[: len(encoded)]
+    result: np.ndarray = encoded**2.2
+    return result
+
+
+def _shaded(mesh: Mesh) -> Mesh:
+    """Give normals to a mesh that has none, and split it at sharp edges that share one."""
+    import trimesh
+    from trimesh.graph import smooth_shade
+
+    if not len(mesh.faces):
+        return mesh
+    shape = trimesh.Trimesh(
+        mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False, validate=False
+    )
+    normals = np.asarray(shape.vertex_normals if mesh.normals is None else mesh.normals)
+    if not _rounds_its_edges(shape, normals):
+        return replace(mesh, normals=normals)
+    numbers = np.arange(len(mesh.vertices), dtype=float)  # rides along as a coordinate
+    shape = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
+    shape.visual = trimesh.visual.TextureVisuals(  # type: ignore[no-untyped-call]
+        np.stack([numbers, 0 * numbers], -1)
+    )
+    shape = smooth_shade(shape, angle=SHARP_RAD)
+    before = np.asarray(shape.visual.uv)[:, 0].round().astype(int)
+    return replace(
+        mesh,
+        vertices=np.asarray(shape.vertices, float),
+        faces=np.asarray(shape.faces, int),
+        normals=np.asarray(shape.vertex_normals, float),
+        uv=None if mesh.uv is None else mesh.uv[before],
+        colours=None if mesh.colours is None else mesh.colours[before],
+    )
+
+
+def _rounds_its_edges(shape: Any, normals: Float[np.ndarray, "n 3"]) -> bool:
+    """Whether one normal stands for faces that meet at a sharp edge, which would shade them dark.
+
+    So it is in files that give no normals, where trimesh takes the mean of the faces around.
+    """
+    cosine = np.einsum("fcx,fx->fc", normals[shape.faces], shape.face_normals)
+    return bool((cosine[shape.area_faces > 0] < np.cos(SHARP_RAD)).any())
+
+
+def _finish(material: Any, textures: Textures) -> Finish:
+    """Read a Phong material of an .obj file as trimesh gives it."""
+    if material is None:
+        return Finish()
+    image = getattr(material, "image", None)
+    pixels = None if image is None else textures.pixels(id(image), lambda: image)
+    diffuse = np.asarray(getattr(material, "diffuse", [153, 153, 153, 255]))[:3] / 255.0
+    colour = (1.0, 1.0, 1.0) if pixels is not None else tuple(diffuse**2.2)
+    lost = image is not None and pixels is None
+    return replace(_coloured(colour, pixels), lost=lost)
+
+
+def _finish_of(look: Look, file: GltfFile, textures: Textures) -> Finish:
+    """Read a glTF material."""
+    if not look.given:
+        return Finish()
+    colour, rough = (
+        None if index is None else textures.pixels(index, partial(file.picture, index))
+        for index in (look.colour_map, look.roughness_map)
+    )
+    lost = look.lost or (look.colour_map is not None and colour is None)
+    return replace(
+        _coloured(look.colour, colour),
+        roughness=look.roughness,
+        metallic=look.metallic,
+        roughness_map=None if rough is None else (rough[..., 1] * look.roughness).astype(np.uint8),
+        metallic_map=None if rough is None else (rough[..., 2] * look.metallic).astype(np.uint8),
+        lost=lost or (look.roughness_map is not None and rough is None),
+    )
+
+
+def _coloured(colour: tuple[float, ...], pixels: Pixels | None) -> Finish:
+    red, green, blue = (float(np.clip(c, 0, 1)) for c in colour)
+    if pixels is not None:
+        # Factors are linear, the texture is not.
+        encoded = np.array([red, green, blue], np.float32) ** np.float32(1 / 2.2)
+        if encoded.min() < 1:
+            pixels = (pixels * encoded).astype(np.uint8)
+    return Finish((red, green, blue), pixels)

@@ -1,0 +1,98 @@
+"""Run a stranger's network once in a process of its own before it runs in ours.
+
+A model file is a program: it can ask for any memory, take any time, or crash the library that runs
+it. The child process has limits, and whatever happens to it becomes one line.
+"""
+
+import os
+import subprocess
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from deeplight.errors import InputError, ModelError
+
+CPU_S = 10
+"""A network of ours takes a tenth of a second."""
+WALL_S = 60
+DATA_BYTES = 1_200_000_000
+_REFUSED = 2
+
+
+def try_once(path: Path) -> None:
+    """Run the network of `path` on a grey photo in a child process.
+
+    The answer is kept for as long as the file stays as it is.
+
+    Raises:
+        ModelError: it cannot be used, or hangs, crashes or takes too much memory.
+    """
+    if not path.is_file():
+        return  # whoever opens it says so
+    status = path.stat()
+    refusal = _refusal(path.resolve(), (status.st_mtime_ns, status.st_size))
+    if refusal is not None:
+        raise ModelError(*refusal)
+
+
+@lru_cache(maxsize=64)
+def _refusal(path: Path, _version: tuple[int, int]) -> tuple[str, str, str] | None:
+    command = [sys.executable, "-m", "deeplight.estimators.trial", str(path), str(CPU_S)]
+    given = {"PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"}
+    try:
+        child = subprocess.run(
+            command, env=os.environ | given, capture_output=True, timeout=WALL_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return _bad(path, f"takes more than {WALL_S} s")
+    if child.returncode == 0:
+        return None
+    said = child.stdout.decode("utf-8", "replace").split("\0")
+    if child.returncode == _REFUSED and len(said) == 3:
+        return said[0], said[1], said[2]
+    if child.returncode in (-24, -9):  # SIGXCPU and what follows it
+        return _bad(path, f"takes more than {CPU_S} s for one photo")
+    return _bad(path, "crashes what runs it, or needs too much memory")
+
+
+def _bad(path: Path, what: str) -> tuple[str, str, str]:
+    return "a network of deeplight", f"{path}, which {what}", "use another model file"
+
+
+def main(path: Path, cpu_s: int) -> int:
+    """Run in the child: give 0 if the network works, else say why not and give 2."""
+    _limit(cpu_s)
+    try:
+        estimator = _open(path)
+        contract = estimator.contract
+        estimator.estimate_inputs(np.zeros((1, 3, contract.height, contract.width), np.float32))
+    except InputError as error:
+        sys.stdout.write("\0".join((error.expected, error.got, error.do)))
+        return _REFUSED
+    return 0
+
+
+def _open(path: Path):  # type: ignore[no-untyped-def]  # its type would be a circle of imports
+    if path.suffix.lower() == ".tflite":
+        from deeplight.estimators.litert import LiteRTEstimator
+
+        return LiteRTEstimator(path, 1, trusted=True)
+    from deeplight.estimators.onnx import OnnxEstimator
+
+    return OnnxEstimator(path, 1, trusted=True)
+
+
+def _limit(cpu_s: int) -> None:
+    if sys.platform == "win32":
+        return
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
+    resource.setrlimit(resource.RLIMIT_DATA, (DATA_BYTES, DATA_BYTES))
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), int(sys.argv[2])))
