@@ -29,10 +29,12 @@ from deeplight.training.data import Batch, BatchSource, ExampleBytes, Order, ref
 from deeplight.training.devices import ALONE, Share
 from deeplight.training.fitted import fit_all, principal_components
 from deeplight.training.losses import LossTerms, RigBases, reconstruction_terms
+from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, Mixture
 from deeplight.training.network.imagenet import load_imagenet
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
 from deeplight.training.record import RunRecord, Window
+from deeplight.training.slim import start_from
 from deeplight.training.sources import Sources
 from deeplight.training.teacher import Teacher
 from deeplight.training.validation import SphereErrors, Validation, score, some_of
@@ -71,8 +73,9 @@ def train(
 ) -> list[SphereErrors]:
     """Train into `run_dir`, or go on where its newest checkpoint stopped.
 
-    A new run's encoder starts from `imagenet`, or its whole network from `weights`, the
-    best.safetensors of an earlier run. The training split of every data set of `more` is learnt
+    A new run's encoder starts from `imagenet`, or its whole network from `weights`: the
+    best.safetensors of an earlier run, or an exported .onnx, whose norms are put back and which
+    may lack the lamps. The training split of every data set of `more` is learnt
     from, too. Gives the errors of the last validation. On several devices every process runs this;
     only the first writes, watches and gives errors.
 
@@ -186,7 +189,7 @@ class Run:
         if self.teacher is not None:
             self.teacher.networks.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if weights is not None:
-            checkpoint.load_weights(self.generator, weights)
+            self.start_from_weights(weights)
         devices.over_all_devices(self.generator, self.share)
         # Photos arrive colour-last in memory; convolutions are fastest when weights are too.
         self.generator.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -202,6 +205,15 @@ class Run:
             if config.adversarial.enabled
             else None
         )
+
+    def start_from_weights(self, weights: Path) -> None:
+        """Begin with a run's weights as they are, or as near an exported network as can be."""
+        if weights.suffix != ".onnx":
+            checkpoint.load_weights(self.generator, weights)
+            return
+        some = some_of(self.examples, CALIBRATION_PHOTOS, self.config.data.workers)
+        network, _ = load_network(weights)
+        start_from(self.generator, self.config.network, network, prepare(*some).photo)
 
     def start_mixture(self, mixture: Mixture, watch: Watch) -> None:
         """Fit lighting to training examples; the network starts from its principal components."""

@@ -20,6 +20,7 @@ from deeplight.errors import ConfigError
 from deeplight.training.distil import lit_share, resized
 from deeplight.training.network.generator import Generator, NetworkConfig
 from deeplight.training.network.imagenet import named_convolutions, output_moments
+from deeplight.training.network.lamps import DIMMER
 from deeplight.training.network.mobilenet_v2 import (
     STAGES,
     ConvNorm,
@@ -74,6 +75,7 @@ def refuse_other_shape(narrow: Generator, wide: Generator) -> None:
     for what, of in (
         ("latent_size", lambda g: g.latent.out_features),
         ("decoder_widths", lambda g: g.decoder.up1.conv.out_channels),
+        ("lamps", lambda g: 0 if g.lamps is None or wide.lamps is None else g.lamps.count),
         ("components", lambda g: 0 if g.mixture is None else len(g.mixture.components)),
     ):
         if of(narrow) != of(wide):
@@ -219,8 +221,22 @@ def fit_decoder(narrow: Generator, wide: Generator, photos: Tensor) -> None:
         narrow.mixture.mean.copy_(resized(wide.mixture.mean[None], size)[0])
         whole = functional.interpolate(wide.mixture.components, (size, size), mode="area")
         narrow.mixture.components.copy_(whole)
+    if narrow.lamps is not None:
+        start_lamps(narrow, wide)
+    if narrow.colour is not None and wide.colour is not None:
+        narrow.colour.load_state_dict(wide.colour.state_dict())
     if size != wide.output_size:
         fit_last(narrow, photos[:FITTED_PHOTOS], resized(wide(photos[:FITTED_PHOTOS]), size))
+
+
+def start_lamps(narrow: Generator, wide: Generator) -> None:
+    """The teacher's lamps; where it has none, its map is dimmed and new lamps make up for it."""
+    assert narrow.lamps is not None
+    assert narrow.decoder.up3.bias is not None
+    if wide.lamps is not None:
+        narrow.lamps.load_state_dict(wide.lamps.state_dict())
+    else:
+        narrow.decoder.up3.bias.sub_(DIMMER)
 
 
 def fit_last(narrow: Generator, photos: Tensor, wanted: Float[Tensor, "n 3 size size"]) -> None:
@@ -246,12 +262,16 @@ def add_norms(generator: Generator, plain: Generator, photos: Tensor) -> None:
     moments, layers = output_moments(plain, photos), dict(named_convolutions(generator))
     for name, source in named_convolutions(plain):
         fill_with_norm(layers[name].conv, layers[name].norm, source.conv, moments[name])
-    latent = plain.before_activation(photos)
+    latent = plain.before_activation(plain.evenly_bright(photos)[0])
     spread = (latent.mean(0), latent.var(0, unbiased=False))
     fill_with_norm(generator.latent, generator.latent_norm, plain.latent, spread)
     generator.decoder.up3.load_state_dict(plain.decoder.up3.state_dict())
     if generator.mixture is not None and plain.mixture is not None:
         generator.mixture.load_state_dict(plain.mixture.state_dict())
+    if generator.lamps is not None and plain.lamps is not None:
+        generator.lamps.load_state_dict(plain.lamps.state_dict())
+    if generator.colour is not None and plain.colour is not None:
+        generator.colour.load_state_dict(plain.colour.state_dict())
 
 
 def fill_with_norm(

@@ -10,7 +10,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torch.nn.utils.fusion import fuse_conv_bn_eval, fuse_linear_bn_eval
 
+from deeplight.camera_response import GAMMA
 from deeplight.errors import ConfigError
+from deeplight.training.network.lamps import DIMMER, LampBall, Lamps, numbers_of, together
 from deeplight.training.network.mobilenet_v2 import (
     BATCH_NORM_EPSILON,
     FEATURE_CHANNELS,
@@ -29,6 +31,8 @@ LATENT_GRID = 4  # the latent vector becomes a 4 x 4 picture
 OUTPUT_SIZES = (16, 32, 64)
 START_RADIANCE = 0.3  # a grey room: nothing is clipped, so every sphere teaches from step one
 START_SPREAD = 0.1  # standard deviation of ln radiance before training, about
+MEAN_PIXEL = 0.45  # a well exposed photo's
+DARKEST_MEAN = 0.03  # a darker photo counts as this
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,15 @@ class NetworkConfig:
     components: int = 0
     """So many principal components of lighting fitted to training examples (see `fitted`), which
     the latent vector mixes; the decoder adds what they lack, nothing at first. 0: no components."""
+    lamps: int = 0
+    """So many lamps, added to the radiance of a map that starts dimmer (see `lamps`)."""
+    brightness: float = 0.0
+    """Share of the photo's brightness that is taken out before the network and put back after it:
+    at 1 the light follows an exposure change exactly. A photo's brightness is its mean pixel."""
+    colour: bool = False
+    """Add a share of the photo's mean colour to the light's: a share that is learnt, of each photo
+    from what it shows, and starts at 0. What is there is the light's or the things', or the
+    camera's white balance."""
 
 
 class Decoder(nn.Module):
@@ -149,6 +162,18 @@ class Generator(nn.Module):
             assert self.decoder.up3.bias is not None
             nn.init.zeros_(self.decoder.up3.weight)
             nn.init.zeros_(self.decoder.up3.bias)
+        self.brightness = config.brightness
+        self.colour = nn.Linear(config.latent_size, 1) if config.colour else None
+        if self.colour is not None:
+            nn.init.zeros_(self.colour.weight)
+            nn.init.zeros_(self.colour.bias)
+        self.lamps: Lamps | None = None
+        if config.lamps:
+            self.lamps = Lamps(config.latent_size, config.lamps, START_RADIANCE)
+            self.ball = LampBall(config.output_size)
+            with torch.no_grad():
+                assert self.decoder.up3.bias is not None
+                self.decoder.up3.bias.sub_(DIMMER)
 
     def initialise(self) -> None:
         """He's initialisation for ReLU; the output starts near ln 0.3 with little spread."""
@@ -169,10 +194,49 @@ class Generator(nn.Module):
         return features
 
     def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 size size"]:
+        return self.light(photo)[0]
+
+    def light(
+        self, photo: Float[Tensor, "n 3 height width"]
+    ) -> tuple[Float[Tensor, "n 3 size size"], Float[Tensor, "n lamp 7"] | None]:
+        """All ln radiance, lamps included, and the lamps by themselves (see `lamps.numbers_of`)."""
+        photo, shift = self.evenly_bright(photo)
         latent = self.activation(self.latent_norm(self.before_activation(photo)))  # (n, 256)
         latent = self.dropout(latent)
         log_radiance: Tensor = self.decoder(latent)
-        return log_radiance if self.mixture is None else log_radiance + self.mixture(latent)
+        if self.mixture is not None:
+            log_radiance = log_radiance + self.mixture(latent)
+        if self.colour is not None:
+            shift = shift + self.colour(latent) * chroma(photo)
+        log_radiance = log_radiance + shift[:, :, None, None]
+        if self.lamps is None:
+            return log_radiance, None
+        direction, log_flux, concentration = self.lamps(latent)
+        log_flux = log_flux + shift[:, None]
+        drawn = self.ball(direction, log_flux, concentration)
+        return together(log_radiance, drawn), numbers_of(direction, log_flux, concentration)
+
+    def evenly_bright(
+        self, photo: Float[Tensor, "n 3 height width"]
+    ) -> tuple[Float[Tensor, "n 3 height width"], Float[Tensor, "n 1"]]:
+        """A photo brought towards `MEAN_PIXEL`, and the ln radiance that this took from it.
+
+        Pixel values are multiplied: that is a change of exposure, since they are a power of
+        radiance. What was clipped stays equally bright, which the network may see.
+        """
+        if not self.brightness:
+            return photo, photo.new_zeros(len(photo), 1)
+        pixel = photo + 0.5
+        mean = pixel.mean((1, 2, 3), keepdim=True).clamp_min(DARKEST_MEAN)
+        taken = self.brightness * torch.log(mean / MEAN_PIXEL)
+        return pixel * torch.exp(-taken) - 0.5, GAMMA * taken[:, :, 0, 0]
+
+
+def chroma(photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3"]:
+    """ln of a photo's mean colour over its mean brightness, as linear radiance; sums to 0."""
+    mean = (photo.mean((2, 3)) + 0.5).clamp_min(DARKEST_MEAN)
+    log_colour = GAMMA * torch.log(mean)
+    return log_colour - log_colour.mean(1, keepdim=True)
 
 
 def twice_as_large(x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h2 w2"]:
