@@ -25,9 +25,15 @@ from deeplight.errors import ModelError
 CONTRACT_KEY = "deeplight.contract"
 """Name of the metadata entry of an ONNX file that holds the contract."""
 
-CONTRACT_VERSION = 1
 MAX_SIDE = 4096  # of what goes in and comes out
 MOST = 100.0  # no angle, gamma or aspect of a camera comes near
+MOST_LAMPS = 64
+CONTRACT_VERSION = 2
+
+SINCE_VERSION_2: Mapping[str, Any] = MappingProxyType(
+    {"lamps": 0, "lamps_name": "lamps", "brightness": 0.0}
+)
+"""Entries that a contract of version 1 lacks, and what it means by that."""
 
 SERVED: Mapping[str, str] = MappingProxyType(
     {
@@ -40,6 +46,9 @@ SERVED: Mapping[str, str] = MappingProxyType(
     }
 )
 """Entries of a contract that can have one value only: what this version knows to do."""
+
+LAMP_NUMBERS = 7
+"""Of each lamp in a network's second output; see `ModelContract.lamps`."""
 
 _REMEDY = "use a model exported by this version of deeplight, or update deeplight"
 
@@ -69,6 +78,12 @@ class ModelContract:
     output_mapping: str = SERVED["output_mapping"]
     output_frame: str = SERVED["output_frame"]
     output_unit: str = SERVED["output_unit"]
+    lamps: int = SINCE_VERSION_2["lamps"]
+    """Lamps that a second output has, shape (batch, lamps, 7): direction towards the lamp x, y, z
+    (unit, in the frame of the first output), ln of its flux RGB (radiance integrated over solid
+    angle, in its unit), angular radius in rad. They are part of the first output already. 0: there
+    is no second output."""
+    lamps_name: str = SINCE_VERSION_2["lamps_name"]
     vertical_fov_deg: float = round(
         math.degrees(TRAINED_VERTICAL_FOV_RAD), 9
     )  # of the full training frame
@@ -79,6 +94,8 @@ class ModelContract:
     soft_clip_n: float = SOFT_CLIP_N
     reflectivity: Mapping[str, float] = field(default_factory=lambda: dict(REFLECTIVITY))
     trained_on: str = ""  # data set, places and steps, in words
+    brightness: float = SINCE_VERSION_2["brightness"]
+    """Share of the photo's brightness that the network itself takes out and puts back."""
 
     @classmethod
     def landscape(cls, **changes: Any) -> "ModelContract":
@@ -111,6 +128,8 @@ class ModelContract:
             "width": self._whole(self.width, MAX_SIDE),
             "height": self._whole(self.height, MAX_SIDE),
             "output_size": self._whole(self.output_size, MAX_SIDE),
+            "lamps": self.lamps == 0 or self._whole(self.lamps, MOST_LAMPS),
+            "brightness": 0 <= self.brightness <= 1,
             "input_low": abs(self.input_low) < MOST,
             "input_high": self.input_low < self.input_high < MOST,
             "vertical_fov_deg": 1 < self.vertical_fov_deg < 179,
@@ -153,7 +172,7 @@ class ModelContract:
 
     @classmethod
     def from_json(cls, text: str) -> "ModelContract":
-        """Read what `to_json` wrote.
+        """Read what `to_json` wrote; version 1 becomes this one.
 
         Raises:
             ModelError: not JSON, another version, or entries missing, unknown or of a wrong type.
@@ -164,6 +183,8 @@ class ModelContract:
             raise ModelError("a model contract in JSON", str(error), _REMEDY) from error
         if not isinstance(entries, dict):
             raise ModelError("a model contract (a JSON object)", type(entries).__name__, _REMEDY)
+        if entries.get("version") == 1:
+            entries = {**SINCE_VERSION_2, **entries, "version": CONTRACT_VERSION}
         if entries.get("version") != CONTRACT_VERSION:
             raise _unknown_version(entries.get("version"))
         known = {entry.name for entry in fields(cls)}
@@ -178,4 +199,5 @@ class ModelContract:
 
 
 def _unknown_version(version: object) -> ModelError:
-    return ModelError(f"model contract version {CONTRACT_VERSION}", f"version {version!r}", _REMEDY)
+    expected = f"model contract version 1 or {CONTRACT_VERSION}"
+    return ModelError(expected, f"version {version!r}", _REMEDY)

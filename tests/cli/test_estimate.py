@@ -49,7 +49,7 @@ def test_a_photo_gives_environment_description_and_preview(photos, estimate, tmp
     assert environment.shape == (256, 512, 3)
     assert environment.dtype == np.float32
     record = json.loads((tmp_path / "out/scene.json").read_text())
-    assert record["contract_version"] == 1
+    assert record["contract_version"] == 2
     assert len(record["model"]["sha256"]) == 64
     assert record["photo"] == {"file": "scene.jpg", "width": 360, "height": 480}
     assert record["framing"]["fov_source"] == "assumed"

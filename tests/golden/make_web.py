@@ -59,6 +59,7 @@ def constants() -> dict[str, Any]:
         "CONTRACT_KEY": contract.CONTRACT_KEY,
         "CONTRACT": asdict(ModelContract()),
         "SERVED": dict(contract.SERVED),
+        "SINCE_VERSION_2": dict(contract.SINCE_VERSION_2),
         "LIGHTING_SIZE": LIGHTING_SIZE,
         "CROP_SIZE": CROP_SIZE,
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from deeplight.contract import ModelContract
+from deeplight.contract import SINCE_VERSION_2, ModelContract
 from deeplight.errors import ModelError
 
 
@@ -25,6 +25,15 @@ def test_the_defaults_are_the_papers_camera() -> None:
     assert cells_across == pytest.approx(contract.height / (contract.top - contract.bottom))
 
 
+def test_version_1_is_this_one_without_lamps() -> None:
+    old = json.loads(ModelContract().to_json()) | {"version": 1}
+    for name in SINCE_VERSION_2:
+        del old[name]
+    assert ModelContract.from_json(json.dumps(old)) == ModelContract()
+    with pytest.raises(ModelError, match="lamps"):  # only version 1 may lack them
+        ModelContract.from_json(json.dumps(old | {"version": 2}))
+
+
 def entries(**changed: object) -> str:
     return json.dumps(json.loads(ModelContract().to_json()) | changed)
 
@@ -40,6 +49,8 @@ def entries(**changed: object) -> str:
         ('{"version": 1}', "missing"),
         (entries(width="wide"), "numbers"),
         (entries(width=0), "width"),
+        (entries(lamps=-1), "lamps"),
+        (entries(brightness=2.0), "brightness"),
         (entries(background_fraction=1.5), "background_fraction"),
         (entries(output_mapping="angular map"), "output_mapping"),
         (entries(output_quantity="radiance"), "ln radiance"),

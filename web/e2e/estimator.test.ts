@@ -82,7 +82,7 @@ test.each([
   ["/model/none.onnx", "model-missing"],
   ["/model/cut.onnx", "model-damaged"],
   ["/model/page.onnx", "model-damaged"],
-  ["/model/version-2.onnx", "model-version"],
+  ["/model/version-9.onnx", "model-version"],
 ])("says what is wrong: %s", async (model, kind) => {
   expect((await call("load", model)).got).toBe(kind);
 });
@@ -131,12 +131,12 @@ function call<K extends keyof Harness>(
 /** Answers for model files that are not there: damaged, of another version, a web page. */
 async function serveModels(target: Page): Promise<void> {
   const old = Buffer.from(model);
-  old.write('"version": 2,', old.indexOf('"version": 1,'));
+  old.write('"version": 9,', old.indexOf('"version": 1,'));
   const bodies: Record<string, Buffer> = {
     "plain.onnx": Buffer.from(model),
     "cut.onnx": Buffer.from(model).subarray(0, 2_000_000),
     "page.onnx": Buffer.from("<!doctype html><title>Not found</title>"),
-    "version-2.onnx": old,
+    "version-9.onnx": old,
   };
   await target.route("**/model/*", async (route) => {
     const name = new URL(route.request().url()).pathname.split("/").at(-1)!;

@@ -1,6 +1,7 @@
 """A trained network as a TFLite file for LiteRT, with its contract inside."""
 
 import copy
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,8 @@ def export_litert(
 ) -> None:
     """Write `generator` (evaluation mode, batch norm folded, on the CPU) to `path`.
 
+    The file has one output: lamps are in its light, but are not given by themselves.
+
     Args:
         precision: float32; float16: weights stored in half precision, computed as the device
             likes (float32 on a CPU); int8-weights: weights of 8 bits, computed in float32; int8:
@@ -41,12 +44,15 @@ def export_litert(
         photos: real photos in the contract's range, for the two int8; 100 are enough.
 
     Raises:
-        ConfigError: int8 without enough photos.
+        ConfigError: int8 without enough photos, or of a network with lamps.
         MissingExtraError: the converter is not installed.
     """
     if find_spec("litert_torch") is None:
         raise MissingExtraError("tflite", "writing TFLite (in an environment of its own)")
-    network = copy.deepcopy(generator).eval()
+    if precision == "int8" and contract.lamps:
+        expected = "float32, float16 or int8-weights for a network with lamps"
+        raise ConfigError(expected, precision, "8 bits are too few for a lamp's direction")
+    network, contract = copy.deepcopy(generator).eval(), replace(contract, lamps=0)
     if precision.startswith("int8"):
         if photos is None or len(photos) < LEAST_PHOTOS:
             got = "none" if photos is None else f"{len(photos)}"

@@ -6,14 +6,14 @@ precision without losing the sun.
 
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import onnx
 import torch
 from onnx import ModelProto, TensorProto, helper, numpy_helper
-from torch import nn
+from torch import Tensor, nn
 
 from deeplight.contract import CONTRACT_KEY, ModelContract
 from deeplight.errors import ModelError
@@ -31,7 +31,8 @@ def export_onnx(
 
     Args:
         generator: maps photos (n, 3, height, width) in the contract's range to ln radiance
-            (n, 3, size, size); put back into the mode it was in.
+            (n, 3, size, size); where the contract has lamps, its `light` gives these too. Put back
+            into the mode it was in.
         contract: stored as metadata `deeplight.contract`.
         float16: store the weights in half precision, half the file; computing stays in float32,
             ln radiance moves by up to 0.05 (0.01 is common).
@@ -54,6 +55,18 @@ def write_model(model: ModelProto, contract: ModelContract, path: Path, float16:
         onnx.save(model, str(temporary))
 
 
+class WithLamps(nn.Module):
+    """A network with its lamps as a second output, every weight under its own name."""
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self._modules = network._modules
+        self.light: Callable[[Tensor], tuple[Tensor, Tensor]] = network.light  # type: ignore[assignment]
+
+    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor]:
+        return self.light(photo)
+
+
 def traced(generator: nn.Module, contract: ModelContract) -> ModelProto:
     """The network's graph for any batch size."""
     photo = torch.zeros(2, 3, contract.height, contract.width)
@@ -62,10 +75,10 @@ def traced(generator: nn.Module, contract: ModelContract) -> ModelProto:
     with ready_to_trace(generator), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # notes of the exporter about its own future
         program = torch.onnx.export(
-            generator,
+            WithLamps(generator) if contract.lamps else generator,
             (photo,),
             input_names=[contract.input_name],
-            output_names=[contract.output_name],
+            output_names=[contract.output_name, *[contract.lamps_name] * bool(contract.lamps)],
             dynamic_shapes=({0: torch.export.Dim("batch")},),
             opset_version=OPSET,
             dynamo=True,

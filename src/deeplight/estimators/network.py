@@ -4,19 +4,22 @@ import hashlib
 import os
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
 
-from deeplight.contract import ModelContract
-from deeplight.errors import ModelError
+from deeplight.contract import LAMP_NUMBERS, ModelContract
+from deeplight.errors import ModelError, ShapeError
 from deeplight.estimators.protocol import PhotoLike, as_photo
+from deeplight.frames import normalised
 from deeplight.io.photos import Photo
+from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
 from deeplight.preprocess import Framing, frame_photo, network_input
 
@@ -37,6 +40,8 @@ class Estimate:
         framing: the part of the photo the network saw.
         notes: what the user should know, one line each; the photo's own notes come first.
         seconds: time spent on "read", "prepare" and "network".
+        lamps: compact lights, the strongest first, in the frame and unit of `lighting`, which holds
+            them already (`lobe.lobe_on_ball` is how); none from a network without lamps.
     """
 
     lighting: Lighting
@@ -44,6 +49,7 @@ class Estimate:
     framing: Framing
     notes: tuple[str, ...]
     seconds: Mapping[str, float]
+    lamps: tuple[Lamp, ...] = ()
 
 
 class NetworkEstimator(ABC):
@@ -84,11 +90,11 @@ class NetworkEstimator(ABC):
         framing = self.frame(opened, fov_deg)
         inputs = network_input(opened.pixels, framing)[None]
         prepared = time.perf_counter()
-        log_radiance = self.estimate_inputs(inputs)[0]
+        log_radiance, lamps = self.estimate_with_lamps(inputs)
         done = time.perf_counter()
         seconds = {"read": read - started, "prepare": prepared - read, "network": done - prepared}
-        lighting = Lighting.from_log_radiance(log_radiance)
-        return Estimate(lighting, opened, framing, opened.notes + _notes(framing), seconds)
+        lighting, notes = Lighting.from_log_radiance(log_radiance[0]), opened.notes
+        return Estimate(lighting, opened, framing, notes + _notes(framing), seconds, lamps[0])
 
     def frame(self, photo: Photo, fov_deg: float | None = None) -> Framing:
         """Find the trained view in a photo: a given field of view wins over the EXIF data's."""
@@ -105,15 +111,37 @@ class NetworkEstimator(ABC):
         Raises:
             ModelError: the network cannot be run, or gives NaN or more radiance than a float holds.
         """
-        size = self.contract.output_size
+        output: np.ndarray = self._answer(self.run, inputs)
+        return self._light(output, len(inputs))
+
+    def estimate_with_lamps(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> tuple[Float32[np.ndarray, "batch size size 3"], list[tuple[Lamp, ...]]]:
+        """As `estimate_inputs`, and the lamps of each picture, the strongest first.
+
+        Raises:
+            ModelError: the network cannot be run, or gives NaN or more than a float holds.
+        """
+        output, lamps = self._answer(self.run_with_lamps, inputs)
+        log_radiance = self._light(output, len(inputs))
         try:
-            output = self.run(np.ascontiguousarray(inputs, np.float32))
+            return log_radiance, [lamps_of(numbers) for numbers in lamps]
+        except (ShapeError, ValueError) as error:
+            got = f"{self.path} that gives impossible lamps"
+            raise ModelError("a trained model", got, "use another model file") from error
+
+    def _answer(self, network: Callable[[Any], Any], inputs: np.ndarray) -> Any:
+        try:
+            return network(np.ascontiguousarray(inputs, np.float32))
         except Exception as error:  # a file can be made to fail in any way
             got = f"{self.path} that cannot be run"
             raise ModelError("a whole model", got, "export it again") from error
-        if output.shape != (len(inputs), 3, size, size):
+
+    def _light(self, output: np.ndarray, count: int) -> np.ndarray:
+        size = self.contract.output_size
+        if output.shape != (count, 3, size, size):
             got = f"{self.path} that gives {output.shape}"
-            raise ModelError(f"light of {(len(inputs), 3, size, size)}", got, "export it again")
+            raise ModelError(f"light of {(count, 3, size, size)}", got, "export it again")
         log_radiance: np.ndarray = output.transpose(0, 2, 3, 1)
         if not np.all(log_radiance < np.log(np.finfo(np.float32).max)):  # false for nan as well
             got = f"{self.path} that gives NaN or infinite light"
@@ -125,6 +153,19 @@ class NetworkEstimator(ABC):
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
     ) -> Float32[np.ndarray, "batch 3 size size"]:
         """The bare network."""
+
+    def run_with_lamps(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> tuple[Float32[np.ndarray, "batch 3 size size"], Float32[np.ndarray, "batch lamp numbers"]]:
+        """The bare network and its second output, as the contract has it; here without lamps."""
+        return self.run(inputs), np.zeros((len(inputs), 0, LAMP_NUMBERS), np.float32)
+
+
+def lamps_of(numbers: Float32[np.ndarray, "lamp numbers"]) -> tuple[Lamp, ...]:
+    """Lamps from the second output of a network, the strongest first."""
+    with np.errstate(over="ignore"):  # infinite flux is refused like any other
+        lamps = [Lamp(normalised(n[:3]), np.exp(n[3:6]), float(n[6])) for n in numbers]
+    return tuple(sorted(lamps, key=lambda lamp: -lamp.luminous_flux))
 
 
 def content_of(path: Path) -> bytes:
@@ -153,7 +194,10 @@ def refuse_other_sizes(
     """
     size = contract.output_size
     keeps_input = inputs == {contract.input_name: [3, contract.height, contract.width]}
-    if not keeps_input or outputs.get(contract.output_name) != [3, size, size]:
+    wanted: dict[str, object] = {contract.output_name: [3, size, size]}
+    if contract.lamps:
+        wanted[contract.lamps_name] = [contract.lamps, LAMP_NUMBERS]
+    if not keeps_input or any(outputs.get(name) != shape for name, shape in wanted.items()):
         got = f"{path} with inputs {inputs} and outputs {outputs}"
         raise ModelError("a model that keeps its own contract", got, "export it again")
 

@@ -60,6 +60,16 @@ class OnnxEstimator(NetworkEstimator):
         (output,) = self._session.run([self.contract.output_name], feed)
         return output
 
+    def run_with_lamps(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> tuple[Float32[np.ndarray, "batch 3 size size"], Float32[np.ndarray, "batch lamp numbers"]]:
+        """The bare network and its lamps, none where it has no second output."""
+        if not self.contract.lamps:
+            return super().run_with_lamps(inputs)
+        names = [self.contract.output_name, self.contract.lamps_name]
+        output, lamps = self._session.run(names, {self.contract.input_name: inputs})
+        return output, lamps
+
 
 def shipped_model() -> Path:
     """Give the path of the model inside the package.

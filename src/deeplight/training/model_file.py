@@ -99,6 +99,9 @@ def _shape_of(state: Mapping[str, Tensor], contract: ModelContract, path: Path) 
         width=_width_of(state, stem.shape[0], path),
         output_size=contract.output_size,
         components=0 if mean is None else mean.shape[0],
+        lamps=contract.lamps,
+        brightness=contract.brightness,
+        colour="colour.weight" in state,
     )
 
 

@@ -47,4 +47,9 @@ def contract_of(header: checkpoint.Header, data: str = "") -> ModelContract:
     trained_on = "; ".join(fact for fact in facts if fact)
     landscape = config.network.orientation == "landscape"
     make = ModelContract.landscape if landscape else ModelContract
-    return make(output_size=config.network.output_size, trained_on=trained_on)
+    return make(
+        output_size=config.network.output_size,
+        lamps=config.network.lamps,
+        brightness=config.network.brightness,
+        trained_on=trained_on,
+    )

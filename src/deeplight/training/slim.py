@@ -75,7 +75,7 @@ def refuse_other_shape(narrow: Generator, wide: Generator) -> None:
     for what, of in (
         ("latent_size", lambda g: g.latent.out_features),
         ("decoder_widths", lambda g: g.decoder.up1.conv.out_channels),
-        ("lamps", lambda g: 0 if g.lamps is None or wide.lamps is None else g.lamps.count),
+        ("lamps", lambda g: lamps_beside(g, wide)),
         ("components", lambda g: 0 if g.mixture is None else len(g.mixture.components)),
     ):
         if of(narrow) != of(wide):
@@ -88,6 +88,11 @@ def refuse_other_shape(narrow: Generator, wide: Generator) -> None:
     if any(ours[0] > theirs[0] for ours, theirs in pairs):
         do = "lower it with --set, or take another teacher"
         raise ConfigError("network.width of at most the teacher's", "a wider network", do)
+
+
+def lamps_beside(generator: Generator, wide: Generator) -> int:
+    """Lamps that must be as many as the teacher's; it may have none."""
+    return 0 if generator.lamps is None or wide.lamps is None else generator.lamps.count
 
 
 def fit_encoder(

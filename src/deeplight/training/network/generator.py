@@ -200,32 +200,42 @@ class Generator(nn.Module):
         self, photo: Float[Tensor, "n 3 height width"]
     ) -> tuple[Float[Tensor, "n 3 size size"], Float[Tensor, "n lamp 7"] | None]:
         """All ln radiance, lamps included, and the lamps by themselves (see `lamps.numbers_of`)."""
-        photo, shift = self.evenly_bright(photo)
+        photo, taken = self.evenly_bright(photo)
         latent = self.activation(self.latent_norm(self.before_activation(photo)))  # (n, 256)
         latent = self.dropout(latent)
         log_radiance: Tensor = self.decoder(latent)
         if self.mixture is not None:
             log_radiance = log_radiance + self.mixture(latent)
-        if self.colour is not None:
-            shift = shift + self.colour(latent) * chroma(photo)
-        log_radiance = log_radiance + shift[:, :, None, None]
+        shift = self.put_back(taken, latent, photo)
+        if shift is not None:
+            log_radiance = log_radiance + shift[:, :, None, None]
         if self.lamps is None:
             return log_radiance, None
         direction, log_flux, concentration = self.lamps(latent)
-        log_flux = log_flux + shift[:, None]
+        if shift is not None:
+            log_flux = log_flux + shift[:, None]
         drawn = self.ball(direction, log_flux, concentration)
         return together(log_radiance, drawn), numbers_of(direction, log_flux, concentration)
 
+    def put_back(
+        self, taken: Tensor | None, latent: Tensor, photo: Tensor
+    ) -> Float[Tensor, "n 3"] | Float[Tensor, "n 1"] | None:
+        """What the photo's brightness and colour add to ln radiance, map and lamps alike."""
+        if self.colour is None:
+            return taken
+        colour: Tensor = self.colour(latent) * chroma(photo)
+        return colour if taken is None else taken + colour
+
     def evenly_bright(
         self, photo: Float[Tensor, "n 3 height width"]
-    ) -> tuple[Float[Tensor, "n 3 height width"], Float[Tensor, "n 1"]]:
+    ) -> tuple[Float[Tensor, "n 3 height width"], Float[Tensor, "n 1"] | None]:
         """A photo brought towards `MEAN_PIXEL`, and the ln radiance that this took from it.
 
         Pixel values are multiplied: that is a change of exposure, since they are a power of
         radiance. What was clipped stays equally bright, which the network may see.
         """
         if not self.brightness:
-            return photo, photo.new_zeros(len(photo), 1)
+            return photo, None
         pixel = photo + 0.5
         mean = pixel.mean((1, 2, 3), keepdim=True).clamp_min(DARKEST_MEAN)
         taken = self.brightness * torch.log(mean / MEAN_PIXEL)

@@ -11,15 +11,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from deeplight.contract import LAMP_NUMBERS
 from deeplight.lobe import lobe_grid
 
 LEAST_CONCENTRATION, MOST_CONCENTRATION = 15.0, 150.0
 """Of the lobes: discs of 30 and of 9 degrees' radius."""
 DIMMER = 0.4
 """A map beside lamps starts this much dimmer, in ln; the lamps start with what it lacks."""
-NUMBERS = 7
-"""Of each lamp in the output: direction towards it (x, y, z), ln flux (red, green, blue), angular
-radius in rad."""
 START_SPREAD = 0.3
 """Standard deviation of a lamp's seven numbers before training, about."""
 SHORTEST = 1e-6
@@ -31,10 +29,10 @@ class Lamps(nn.Module):
     def __init__(self, latent_size: int, count: int, start_radiance: float) -> None:
         super().__init__()
         self.count = count
-        self.head = nn.Linear(latent_size, count * NUMBERS)
+        self.head = nn.Linear(latent_size, count * LAMP_NUMBERS)
         nn.init.normal_(self.head.weight, std=START_SPREAD / math.sqrt(latent_size))
         missing = 4 * math.pi * start_radiance * (1 - math.exp(-DIMMER))
-        start = torch.zeros(count, NUMBERS)
+        start = torch.zeros(count, LAMP_NUMBERS)
         for number in range(count):
             across = 2 * math.pi * (number + 0.5) / count  # of a cone about up and behind
             start[number, 0] = 0.7 * math.sin(across)
@@ -48,7 +46,7 @@ class Lamps(nn.Module):
         self, latent: Float[Tensor, "n latent"]
     ) -> tuple[Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp"]]:
         """Unit directions, ln flux and concentrations."""
-        numbers = self.head(latent).float().unflatten(1, (self.count, NUMBERS))
+        numbers = self.head(latent).float().reshape(-1, self.count, LAMP_NUMBERS)
         direction = numbers[..., :3]
         length = direction.square().sum(-1, keepdim=True).clamp_min(SHORTEST).sqrt()
         span = MOST_CONCENTRATION - LEAST_CONCENTRATION
@@ -82,7 +80,7 @@ class LampBall(nn.Module):
             lobe = torch.exp(exponent - exponent.amax(-1, keepdim=True))
             lobe = lobe / (lobe @ self.solid_angle)
             radiance = log_flux.exp().mT @ lobe  # (n, 3, pixel)
-        return radiance.unflatten(-1, (self.size, self.size))
+        return radiance.reshape(-1, 3, self.size, self.size)
 
 
 def together(
@@ -93,6 +91,7 @@ def together(
 
 
 def numbers_of(direction: Tensor, log_flux: Tensor, concentration: Tensor) -> Tensor:
-    """Lamps as the exported network gives them, (n, lamp, `NUMBERS`); see `lobe`."""
+    """Lamps as the exported network gives them, (n, lamp, 7): see
+    `ModelContract.lamps`."""
     radius = 2 * torch.asin(concentration.rsqrt())
     return torch.cat((direction, log_flux, radius[..., None]), -1)

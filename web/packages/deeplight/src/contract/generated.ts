@@ -3,7 +3,7 @@
 export const CONTRACT_KEY = "deeplight.contract" as const;
 
 export const CONTRACT = {
-  "version": 1,
+  "version": 2,
   "input_name": "photo",
   "input_layout": "NCHW, RGB, gamma-encoded",
   "width": 135,
@@ -17,6 +17,8 @@ export const CONTRACT = {
   "output_mapping": "mirror ball",
   "output_frame": "camera: +X right, +Y up, +Z towards the camera",
   "output_unit": "1.0 = the camera's white",
+  "lamps": 0,
+  "lamps_name": "lamps",
   "vertical_fov_deg": 66.0,
   "frame_aspect": 0.5625,
   "background_top": 0.0,
@@ -28,7 +30,8 @@ export const CONTRACT = {
     "matte_silver": 0.644,
     "diffuse": 0.345
   },
-  "trained_on": ""
+  "trained_on": "",
+  "brightness": 0.0
 } as const;
 
 export const SERVED = {
@@ -38,6 +41,12 @@ export const SERVED = {
   "output_mapping": "mirror ball",
   "output_frame": "camera: +X right, +Y up, +Z towards the camera",
   "output_unit": "1.0 = the camera's white"
+} as const;
+
+export const SINCE_VERSION_2 = {
+  "lamps": 0,
+  "lamps_name": "lamps",
+  "brightness": 0.0
 } as const;
 
 export const LIGHTING_SIZE = 32 as const;

@@ -111,7 +111,7 @@ describe("the contract inside the model", () => {
       "model-damaged",
     ],
     ["empty", new Uint8Array(), "model-damaged"],
-    ["of another version", replaced(model, '"version": 1,', '"version": 2,'), "model-version"],
+    ["of another version", replaced(model, '"version": 1,', '"version": 9,'), "model-version"],
     ["of another mapping", replaced(model, '"mirror ball"', '"mirror-ball"'), "model-version"],
     ["of another unit", replaced(model, '"ln radiance"', '"l2 radiance"'), "model-version"],
     ["not JSON", replaced(model, '"version": 1,', '"version": 1;'), "model-damaged"],

@@ -1,5 +1,5 @@
 /** The contract inside a model file, read from its bytes: contract.py. */
-import { CONTRACT, CONTRACT_KEY, SERVED } from "../contract/generated.ts";
+import { CONTRACT, CONTRACT_KEY, SERVED, SINCE_VERSION_2 } from "../contract/generated.ts";
 import { EstimateError } from "../errors.ts";
 import { fieldsOf, text } from "./protobuf.ts";
 
@@ -24,7 +24,10 @@ export function contractOf(model: Uint8Array): Contract {
 }
 
 function checked(json: string): Contract {
-  const entries: Record<string, unknown> = parsed(json);
+  let entries: Record<string, unknown> = parsed(json);
+  if (entries.version === 1) {
+    entries = { ...SINCE_VERSION_2, ...entries, version: CONTRACT.version };
+  }
   const refuse = (name: string, want: unknown) => {
     const got = JSON.stringify(entries[name]);
     return new EstimateError(
