@@ -239,7 +239,7 @@ class Generator(nn.Module):
         pixel = photo + 0.5
         mean = pixel.mean((1, 2, 3), keepdim=True).clamp_min(DARKEST_MEAN)
         taken = self.brightness * torch.log(mean / MEAN_PIXEL)
-        return pixel * torch.exp(-taken) - 0.5, GAMMA * taken[:, :, 0, 0]
+        return pixel * torch.exp(-taken) - 0.5, GAMMA * taken.flatten(1)
 
 
 def chroma(photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3"]:

@@ -44,13 +44,13 @@ class Lamps(nn.Module):
 
     def forward(
         self, latent: Float[Tensor, "n latent"]
-    ) -> tuple[Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp"]]:
+    ) -> tuple[Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp 1"]]:
         """Unit directions, ln flux and concentrations."""
         numbers = self.head(latent).float().reshape(-1, self.count, LAMP_NUMBERS)
         direction = numbers[..., :3]
         length = direction.square().sum(-1, keepdim=True).clamp_min(SHORTEST).sqrt()
         span = MOST_CONCENTRATION - LEAST_CONCENTRATION
-        concentration = LEAST_CONCENTRATION + span * torch.sigmoid(numbers[..., 6])
+        concentration = LEAST_CONCENTRATION + span * torch.sigmoid(numbers[..., 6:])
         return direction / length, numbers[..., 3:6], concentration
 
 
@@ -71,12 +71,12 @@ class LampBall(nn.Module):
         self,
         direction: Float[Tensor, "n lamp 3"],
         log_flux: Float[Tensor, "n lamp 3"],
-        concentration: Float[Tensor, "n lamp"],
+        concentration: Float[Tensor, "n lamp 1"],
     ) -> Float[Tensor, "n 3 size size"]:
         """Radiance of all lamps together: of each a von Mises-Fisher lobe, normalised over the
         ball's own pixels, so that none of its flux is lost where it is smaller than one."""
         with torch.autocast(direction.device.type, enabled=False):
-            exponent = concentration[..., None] * (direction @ self.towards)  # (n, lamp, pixel)
+            exponent = concentration * (direction @ self.towards)  # (n, lamp, pixel)
             lobe = torch.exp(exponent - exponent.amax(-1, keepdim=True))
             lobe = lobe / (lobe @ self.solid_angle)
             radiance = log_flux.exp().mT @ lobe  # (n, 3, pixel)
@@ -94,4 +94,4 @@ def numbers_of(direction: Tensor, log_flux: Tensor, concentration: Tensor) -> Te
     """Lamps as the exported network gives them, (n, lamp, 7): see
     `ModelContract.lamps`."""
     radius = 2 * torch.asin(concentration.rsqrt())
-    return torch.cat((direction, log_flux, radius[..., None]), -1)
+    return torch.cat((direction, log_flux, radius), -1)
