@@ -179,17 +179,20 @@ class Run:
         torch.manual_seed(config.run.seed)
         self.generator = Generator(config.network, config.optimiser.freeze_blocks)
         self.teacher = Teacher.of(config) if config.distil.teacher else None
-        if imagenet is not None or (fresh and self.teacher is not None):
+        exported = weights if weights and weights.suffix == ".onnx" else None
+        if imagenet or exported or (fresh and self.teacher is not None):
             some = some_of(self.examples, CALIBRATION_PHOTOS, config.data.workers)
             photos = prepare(*some).photo
-            if self.teacher is not None:
+            if exported:
+                start_from(self.generator, config.network, load_network(exported)[0], photos)
+            elif self.teacher is not None:
                 self.teacher.start(self.generator, config, photos)
             elif imagenet is not None:
                 load_imagenet(self.generator.encoder, imagenet, photos)
         if self.teacher is not None:
             self.teacher.networks.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        if weights is not None:
-            self.start_from_weights(weights)
+        if weights is not None and not exported:
+            checkpoint.load_weights(self.generator, weights)
         devices.over_all_devices(self.generator, self.share)
         # Photos arrive colour-last in memory; convolutions are fastest when weights are too.
         self.generator.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -205,15 +208,6 @@ class Run:
             if config.adversarial.enabled
             else None
         )
-
-    def start_from_weights(self, weights: Path) -> None:
-        """Begin with a run's weights as they are, or as near an exported network as can be."""
-        if weights.suffix != ".onnx":
-            checkpoint.load_weights(self.generator, weights)
-            return
-        some = some_of(self.examples, CALIBRATION_PHOTOS, self.config.data.workers)
-        network, _ = load_network(weights)
-        start_from(self.generator, self.config.network, network, prepare(*some).photo)
 
     def start_mixture(self, mixture: Mixture, watch: Watch) -> None:
         """Fit lighting to training examples; the network starts from its principal components."""
