@@ -175,7 +175,7 @@ def test_the_command_writes_tables_and_files(
     assert results["three_spheres"] == {}
     with (tmp_path / "out" / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 29 * 8
+    assert len(rows) == 29 * 9
     own = [float(r["l1_diffuse"]) for r in rows if r["estimator"] == "deeplight"]
     both = found(results, "deeplight", "l1_diffuse")
     assert both["mean"]["value"] == pytest.approx(np.mean(own), rel=1e-4)

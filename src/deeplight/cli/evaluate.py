@@ -32,6 +32,8 @@ class Args:
     """Measure only so many examples of each split, evenly spread."""
     three_spheres: bool = False
     """Compute the protocol of StyleLight and DiffusionLight too, under its own name."""
+    with_photo: bool = True
+    """Add the first model's whole environment, photo and lamps in it."""
     benchmark: str | None = None
     """Make and check the published benchmark of that name (v1)."""
     hdri: Path | None = None
@@ -47,7 +49,7 @@ def run(args: Args) -> None:
 
     data = opened(args.data, args.benchmark, args.hdri)
     methods = flat(args.model), flat(args.panoramas)
-    wanted = Wanted(data, args.split, *methods, args.examples, args.three_spheres)
+    wanted = Wanted(data, args.split, *methods, args.examples, args.three_spheres, args.with_photo)
     with results_folder(args.out) if args.out else nullcontext():  # told before any work
         check_can_write(args.out)
         found = measured(wanted)

@@ -109,14 +109,17 @@ class ClippedArea:
 
 
 def clipped_areas(clipped: Float32[np.ndarray, "height width"], most: int = 8) -> list[ClippedArea]:
-    """The connected clipped parts of the photo, the largest first."""
+    """The connected clipped parts of the photo, the largest first; 8 neighbours connect."""
     height, width = clipped.shape
-    rows, columns = np.nonzero(clipped > 0.5)
+    on = clipped > 0.5
+    rows, columns = np.flatnonzero(on.any(1)), np.flatnonzero(on.any(0))
     if not len(rows):
         return []
-    labels = _connected(clipped > 0.5)
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    labels = np.full((height, width), -1)
+    labels[box] = _connected(on[box])
     solid_angle = latlong.solid_angles(height, width)
-    areas = np.bincount(labels[rows, columns], solid_angle[rows, columns])
+    areas = np.bincount(labels[on], solid_angle[on])
     found = []
     for label in np.argsort(-areas)[:most]:
         if areas[label] <= 0:
@@ -128,7 +131,7 @@ def clipped_areas(clipped: Float32[np.ndarray, "height width"], most: int = 8) -
 
 
 def _connected(mask: Bool[np.ndarray, "height width"]) -> Int[np.ndarray, "height width"]:
-    """Number the connected parts of a mask, 8 neighbours, left and right edge joined; -1 outside.
+    """Number the connected parts of a mask; -1 outside.
 
     The smallest number spreads along whole runs at once, so a few rounds do.
     """
@@ -137,11 +140,11 @@ def _connected(mask: Bool[np.ndarray, "height width"]) -> Int[np.ndarray, "heigh
     labels = np.where(mask, np.arange(outside).reshape(height, width), outside)
     while True:
         before = labels
-        around = np.pad(labels, ((1, 1), (0, 0)), constant_values=outside)
-        wrapped = np.concatenate([around[:, -1:], around, around[:, :1]], axis=1)
-        for rows in (slice(0, -2), slice(1, -1), slice(2, None)):
-            for first in range(3):
-                labels = np.minimum(labels, wrapped[rows, first : first + width])
+        around = np.pad(labels, 1, constant_values=outside)
+        for row in range(3):
+            for column in range(3):
+                window = around[row : row + height, column : column + width]
+                labels = np.minimum(labels, window)
         labels = np.where(mask, labels, outside)
         for axis in (0, 1):
             labels = _along_runs(_along_runs(labels, mask, axis), mask, axis, backwards=True)

@@ -1,58 +1,71 @@
-"""One picture to look at: the photo, the light found in it, and the three spheres in that light."""
+"""One picture to look at: the photo, the light found in it, and spheres in that light."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
+from deeplight.brdf import REFLECTIVITY
 from deeplight.camera_response import CameraResponse
+from deeplight.environment import Environment
 from deeplight.estimators.network import Estimate
-from deeplight.harmonics import dominant_light
 from deeplight.io.photos import Photo
+from deeplight.lamp import Lamp
+from deeplight.mappings import mirror_ball
 from deeplight.mappings.latlong import position
+from deeplight.mappings.resample import sample_latlong
 from deeplight.preprocess import Framing
 from deeplight.relight import relight_rig
-from deeplight.sphere import PAPER_RIG, SPHERES
+from deeplight.sphere import PAPER_RIG
 
-WIDTH, HEIGHT, MARGIN = 1280, 704, 32
-PHOTO_BOX = (448, 592)  # width, height
+WIDTH, HEIGHT, MARGIN = 1280, 736, 32
+PHOTO_BOX = (448, 500)  # width, height
 LIGHT_SIZE = (736, 368)  # of the environment
 DIM_SIZE = (296, 148)  # of the same, darker
 SPHERE = 132  # pixels across
-DARK_STOPS = -5.0
+DARK_STOPS = -4.0
 """Exposure of the second environment: what is still bright there is a light source."""
-FAINT_SHARE = 0.02
-"""A main light with less of the power than this is none, and not marked."""
 
 PAPER, INK, FAINT, ACCENT = (20, 22, 26), (236, 238, 242), (146, 152, 162), (255, 196, 61)
-NAMES = {"mirror": "mirror", "matte_silver": "matte silver", "diffuse": "diffuse"}
+NAMES = {"matte_silver": "matte silver", "diffuse": "diffuse"}
 
 
 def preview(
-    estimate: Estimate, latlong: Float[np.ndarray, "h w 3"], title: str
-) -> UInt8[np.ndarray, "704 1280 3"]:
+    estimate: Estimate,
+    environment: Environment,
+    title: str,
+    lamps: Sequence[Lamp] = (),
+    confidence: Sequence[str] = (),
+    direction_known: bool = True,
+) -> UInt8[np.ndarray, "736 1280 3"]:
     """Draw the preview of one estimate.
 
     Args:
         estimate: what to show.
-        latlong: its environment, centre column = the view.
+        environment: its light, lamps in it.
         title: usually the photo's file name.
+        lamps: to mark.
+        confidence: how sure the estimate is, a line each.
+        direction_known: whether the main light's place can be relied on.
     """
     canvas = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
     draw = ImageDraw.Draw(canvas)
     left = 2 * MARGIN + PHOTO_BOX[0]
     draw.text((MARGIN, 24), _shortened(title, 40), INK, _font(22))
     _draw_photo(canvas, estimate.photo, estimate.framing)
-    draw.text((left, 24), "estimated light", INK, _font(22))
+    for number, line in enumerate(confidence[:4]):
+        y = HEIGHT - 24 * (min(len(confidence), 4) - number) - 14
+        draw.text((MARGIN, y), _shortened(line, 68), INK if number == 0 else FAINT, _font(15))
+    draw.text((left, 24), "its light from all directions", INK, _font(22))
     caption = "as the camera exposed it; centre = the view"
     draw.text((WIDTH - MARGIN, 28), caption, FAINT, _font(16), anchor="ra")
-    canvas.paste(_tone_mapped(latlong, 0.0, LIGHT_SIZE), (left, 64))
-    _mark_dominant(draw, estimate, (left, 64))
-    below = 64 + LIGHT_SIZE[1] + 34
-    canvas.paste(_tone_mapped(latlong, DARK_STOPS, DIM_SIZE), (left, below))
+    canvas.paste(_tone_mapped(environment.radiance, 0.0, LIGHT_SIZE), (left, 64))
+    _mark_lamps(draw, lamps, (left, 64), direction_known)
+    below = 64 + LIGHT_SIZE[1] + 40
+    canvas.paste(_tone_mapped(environment.radiance, DARK_STOPS, DIM_SIZE), (left, below))
     draw.text((left, below + DIM_SIZE[1] + 8), f"{-DARK_STOPS:.0f} stops darker", FAINT, _font(16))
-    _draw_spheres(canvas, relight_rig(PAPER_RIG, estimate.lighting), left + DIM_SIZE[0], below)
+    _draw_spheres(canvas, environment, left + DIM_SIZE[0], below)
     return np.asarray(canvas)
 
 
@@ -81,17 +94,25 @@ def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> None:
     draw.text((MARGIN, 64 + size[1] + 12), caption, FAINT, _font(16))
 
 
-def _draw_spheres(
-    canvas: Image.Image, spheres: Mapping[str, np.ndarray], left: int, top: int
-) -> None:
+def _draw_spheres(canvas: Image.Image, environment: Environment, left: int, top: int) -> None:
+    """A mirror ball as sharp as the environment, and the two that scatter."""
     draw = ImageDraw.Draw(canvas)
-    room = (WIDTH - MARGIN - left - len(SPHERES) * SPHERE) / len(SPHERES)
-    for index, name in enumerate(SPHERES):
+    spheres = relight_rig(PAPER_RIG, environment.lighting)
+    pictures = {"mirror": _mirror(environment)}
+    pictures |= {name: _disc(spheres[key]) for key, name in NAMES.items()}
+    room = (WIDTH - MARGIN - left - len(pictures) * SPHERE) / len(pictures)
+    for index, (name, picture) in enumerate(pictures.items()):
         x = round(left + room + index * (SPHERE + room))
-        y = top + (DIM_SIZE[1] - SPHERE) // 2
-        canvas.paste(_disc(spheres[name]), (x, y), _disc_mask())
-        centre = x + SPHERE // 2
-        draw.text((centre, top + DIM_SIZE[1] + 8), NAMES[name], FAINT, _font(16), anchor="ma")
+        canvas.paste(picture, (x, top), _disc_mask())
+        draw.text((x + SPHERE // 2, top + SPHERE + 8), name, FAINT, _font(16), anchor="ma")
+
+
+def _mirror(environment: Environment) -> Image.Image:
+    """The environment in a mirror ball before the camera: behind the camera in its middle."""
+    u, v = mirror_ball.grid(SPHERE, 3)
+    seen = sample_latlong(environment.radiance, mirror_ball.directions_from_uv(u, v))
+    radiance = seen.reshape(SPHERE, 3, SPHERE, 3, 3).mean((1, 3)) * REFLECTIVITY["mirror"]
+    return _tone_mapped(radiance, 0.0, (SPHERE, SPHERE))
 
 
 def _disc(sphere: Float[np.ndarray, "size size 3"]) -> Image.Image:
@@ -128,21 +149,26 @@ def _tone_mapped(
     return Image.fromarray(levels).resize(size, Image.Resampling.BICUBIC)
 
 
-def _mark_dominant(draw: ImageDraw.ImageDraw, estimate: Estimate, at: tuple[int, int]) -> None:
-    """Ring the dominant light and name it, if there is one."""
-    light = dominant_light(estimate.lighting)
-    if light.share < FAINT_SHARE:
-        return
+def _mark_lamps(
+    draw: ImageDraw.ImageDraw, lamps: Sequence[Lamp], at: tuple[int, int], known: bool
+) -> None:
+    """Ring each lamp and say how bright it is."""
     width, height = LIGHT_SIZE
-    (row,), (column,) = position(light.direction[None], height, width)
-    x, y = at[0] + float(column), at[1] + float(row)
-    draw.ellipse((x - 11, y - 11, x + 11, y + 11), outline=PAPER, width=4)
-    draw.ellipse((x - 10, y - 10, x + 10, y + 10), outline=ACCENT, width=2)
-    label = f"main light, {light.share:.0%} of the power"
-    to_left = x > at[0] + width - 240
-    spot = (x - 18 if to_left else x + 18, y)
-    anchor = "rm" if to_left else "lm"
-    draw.text(spot, label, INK, _font(16), anchor=anchor, stroke_width=2, stroke_fill=PAPER)
+    for number, lamp in enumerate(lamps):
+        (row,), (column,) = position(lamp.direction[None], height, width)
+        x, y = at[0] + float(column), at[1] + float(row)
+        size = max(10.0, lamp.angular_radius_rad / np.pi * height + 6)
+        for more, colour in ((1, PAPER), (0, ACCENT)):
+            reach = size + more
+            box = (x - reach, y - reach, x + reach, y + reach)
+            draw.ellipse(box, outline=colour, width=2 + 2 * more)
+        label = f"{'main light' if number == 0 else 'light'}, {lamp.radiance.max():.0f} x white"
+        if not known and number == 0:
+            label += ", direction not known"
+        to_left = x > at[0] + width / 2
+        spot = (x - size - 8 if to_left else x + size + 8, y)
+        anchor = "rm" if to_left else "lm"
+        draw.text(spot, label, INK, _font(16), anchor=anchor, stroke_width=2, stroke_fill=PAPER)
 
 
 def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:

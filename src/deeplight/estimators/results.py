@@ -11,6 +11,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from deeplight.environment import Environment
+from deeplight.estimators.confidence import confidence_of
 from deeplight.estimators.environment import SceneLight
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.preview import preview
@@ -92,13 +94,15 @@ def _written(
     scene: SceneLight | None,
     spec: OutputSpec,
 ) -> list[Path]:
-    facts = _facts(estimate, estimator)
+    confidence = confidence_of(estimator, estimate)
+    facts = _facts(estimate, estimator) | {"confidence": confidence.record()}
     seen = None
     if scene is None:
-        lighting, latlong = estimate.lighting, estimate.lighting.latlong(spec.height)
+        environment = Environment.from_lighting(estimate.lighting, spec.height)
+        lighting, latlong = estimate.lighting, environment.radiance
     else:
-        lighting = scene.environment.lighting
-        latlong = scene.rest if spec.lamps_apart else scene.environment.radiance
+        environment, lighting = scene.environment, scene.environment.lighting
+        latlong = scene.rest if spec.lamps_apart else environment.radiance
         seen = scene.seen if spec.seen_channel else None
         facts["lamps"] = lamps_record(scene.lamps, in_environment=not spec.lamps_apart)
         facts["seen"] = seen_record(scene.seen)
@@ -106,8 +110,12 @@ def _written(
         lighting, stem, turn=spec.turn, hdr=spec.hdr, facts=facts, latlong=latlong, seen=seen
     )
     source = estimate.photo.source
+    title = source.name if source else stem.name
     files.append(stem.with_name(f"{stem.name}.preview.png"))
-    write_png(files[-1], preview(estimate, latlong, source.name if source else stem.name))
+    lamps = scene.lamps if scene else ()
+    known = confidence.words["direction"] == "roughly known"
+    picture = preview(estimate, environment, title, lamps, confidence.sentences, known)
+    write_png(files[-1], picture)
     return files
 
 

@@ -11,6 +11,7 @@ from deeplight.evaluate.benchmark import benchmark_data
 from deeplight.evaluate.models import NamedModel, named_models
 from deeplight.evaluate.panorama_estimates import PanoramaEstimates, panorama_estimates
 from deeplight.evaluate.result import SplitResult, measured
+from deeplight.evaluate.with_photo import WithPhoto
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,7 @@ class Wanted:
         models, panoramas: as `named_models` and `panorama_estimates` take them.
         at_most: only so many examples of each split.
         protocols: other papers' metrics too.
+        with_photo: also the first model's environment, with the photo and lamps in it.
     """
 
     data: DataSet
@@ -31,6 +33,7 @@ class Wanted:
     panoramas: Sequence[str] = ()
     at_most: int | None = None
     protocols: bool = False
+    with_photo: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,7 @@ def evaluation(
     """
     sizes = {split: len(wanted.data.index(split)) for split in wanted.splits}
     models = named_models(wanted.models)
+    with_photo = [WithPhoto(models[0])] if wanted.with_photo and models else []
     others: list[PanoramaEstimates] = panorama_estimates(wanted.panoramas)
     results = []
     for split, size in sizes.items():
@@ -74,7 +78,7 @@ def evaluation(
         stage(f"measuring {split}", min(wanted.at_most or size, size))
         results.append(
             measured(
-                [*models, *others],
+                [*models, *with_photo, *others],
                 beside,
                 wanted.data,
                 split,
