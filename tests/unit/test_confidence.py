@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from deeplight.contract import ModelContract
 from deeplight.estimators.confidence import TYPICAL_ERRORS, confidence_of, warnings_of
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.io.photos import Photo
@@ -15,6 +16,8 @@ UV = mirror_ball.grid(32)
 
 class Fake(NetworkEstimator):
     """A network whose lamp stands left or right as the picture says, or anywhere by chance."""
+
+    contract = ModelContract()
 
     def __init__(self, chance: bool) -> None:
         self.chance, self.random = chance, np.random.default_rng(0)
