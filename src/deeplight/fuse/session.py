@@ -1,0 +1,270 @@
+"""Light that gathers while one looks around: a few dozen small views, solved again with each.
+
+Memory is constant: at most `MOST_VIEWS` pictures of 192 rows. A new picture takes the place of one
+that looked the same way; when all places are taken the most redundant one goes. What is kept are
+pictures, not a panorama, so exposures can be corrected later, when the turn closes.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from deeplight.errors import ConfigError, InputError, ShapeError
+from deeplight.frames import Rotation, require_rotation
+from deeplight.fuse.gains import Gains, solve_gains
+from deeplight.fuse.merge import Fused, fused, log_power
+from deeplight.fuse.view import CELLS, HEIGHT, ROWS, View
+from deeplight.io.atomic import replacing
+
+MOST_VIEWS = 64
+NEAR_RAD = radians(7)
+"""Views nearer than this, and of like exposure, say the same: the newer one stays."""
+LIKE_EXPOSURE = 0.5
+"""ln of gains up to which two views count as equally exposed."""
+CHANGED = 0.45
+"""Median disagreement, ln, of a view with the sky so far that speaks of another light or place."""
+PATIENCE = 3
+"""So many such views in a row, and what was before them is forgotten."""
+_VERSION = 1
+
+Estimate = Callable[[UInt8[np.ndarray, "height width 3"]], Float32[np.ndarray, "size size 3"]]
+"""Gives ln radiance on the mirror ball for a picture: the network."""
+
+
+@dataclass(frozen=True)
+class Added:
+    """What became of a frame.
+
+    Attributes:
+        views: how many are kept now.
+        forgotten: everything before the last few frames was dropped: the light or place changed.
+        disagreement: of this frame with what was known, ln; 0 where nothing overlaps.
+    """
+
+    views: int
+    forgotten: bool
+    disagreement: float
+
+
+class Session:
+    """The light of a place as far as it has been seen.
+
+    >>> session = Session(vertical_fov_rad=1.15, estimate=network)   # doctest: +SKIP
+    >>> session.add(frame, world_from_camera)                        # doctest: +SKIP
+    >>> session.environment().main_light.direction                   # doctest: +SKIP
+    """
+
+    def __init__(
+        self, vertical_fov_rad: float, estimate: Estimate, most_views: int = MOST_VIEWS
+    ) -> None:
+        """Begin without views.
+
+        Args:
+            vertical_fov_rad: of every upright frame.
+            estimate: the network; called once for each frame that brings no estimate of its own.
+            most_views: how many to keep.
+        """
+        if not 0 < vertical_fov_rad < np.pi or most_views < 2:
+            got = f"{vertical_fov_rad:g} rad, {most_views} views"
+            raise ShapeError("a field of view inside (0, pi) and 2 views or more", got, "correct it")
+        self.vertical_fov_rad = vertical_fov_rad
+        self._estimate, self._most = estimate, most_views
+        self._views: list[View] = []
+        self._logs = np.zeros((most_views + 1, CELLS, 3), np.float32)
+        self._weights = np.zeros((most_views + 1, CELLS, 3), np.float32)
+        self._power = np.zeros((most_views + 1, 3))
+        self._unit = np.zeros(3)  # ln gain of the first kept view
+        self._gains: Gains | None = None
+        self._strange = 0
+        self._count = 0
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """What is kept, oldest first."""
+        return tuple(self._views)
+
+    @property
+    def gains(self) -> Float[np.ndarray, "views 3"]:
+        """ln of each view's gain relative to the first frame's."""
+        return self._solved().log_gain + self._unit
+
+    def add(
+        self,
+        frame: UInt8[np.ndarray, "height width 3"],
+        world_from_camera: Rotation,
+        log_estimate: Float32[np.ndarray, "size size 3"] | None = None,
+        log_exposure: float = float("nan"),
+    ) -> Added:
+        """Take in a frame.
+
+        Args:
+            frame: upright, gamma-encoded RGB of any size.
+            world_from_camera: how the camera was turned, in any world whose axes stand still.
+            log_estimate: what the network gives for it; left out, the session asks it.
+            log_exposure: ln of its exposure, where its file says.
+
+        Raises:
+            ShapeError: the rotation is none.
+        """
+        require_rotation(world_from_camera, "world_from_camera")
+        estimate = self._estimate(frame) if log_estimate is None else log_estimate
+        view = View(
+            small(frame, self.vertical_fov_rad),
+            np.array(world_from_camera, float),
+            self.vertical_fov_rad,
+            np.asarray(estimate, np.float32),
+            log_exposure,
+            self._count,
+        )
+        self._count += 1
+        return self._take(view)
+
+    def environment_of(self, world_from_camera: Rotation | None = None, height: int = HEIGHT) -> Fused:
+        """The light so far in a camera's frame, in the first frame's unit.
+
+        Args:
+            world_from_camera: that camera; left out, the first frame's.
+            height: rows of the panorama.
+
+        Raises:
+            InputError: nothing has been added yet.
+        """
+        if not self._views:
+            raise InputError("a frame", "a session without any", "add one first")
+        turn = self._views[0].world_from_camera if world_from_camera is None else world_from_camera
+        return fused(self._views, self.gains, self._solved().trust, turn, height)
+
+    def reset(self) -> None:
+        """Forget everything: the place has been left."""
+        self._views, self._gains, self._strange, self._count = [], None, 0, 0
+        self._unit = np.zeros(3)
+
+    def _take(self, view: View) -> Added:
+        slot = len(self._views)
+        self._views.append(view)
+        self._logs[slot], self._weights[slot] = view.cells()
+        self._power[slot] = log_power(view)
+        self._solve()
+        disagreement = float(self._solved().disagreement[slot])
+        self._strange = self._strange + 1 if disagreement > CHANGED else 0
+        forgotten = self._strange >= PATIENCE
+        if forgotten:
+            self._keep(list(range(max(0, len(self._views) - PATIENCE), len(self._views))))
+            self._strange = 0
+        else:
+            self._thin(slot)
+        return Added(len(self._views), forgotten, disagreement)
+
+    def _solve(self) -> None:
+        n = len(self._views)
+        exposures = np.array([view.log_exposure for view in self._views])
+        trust = None if self._gains is None else self._gains.trust
+        self._gains = solve_gains(
+            self._logs[:n], self._weights[:n], exposures, self._power[:n], trust
+        )
+
+    def _solved(self) -> Gains:
+        if self._gains is None:
+            raise InputError("a frame", "a session without any", "add one first")
+        return self._gains
+
+    def _thin(self, newest: int) -> None:
+        """Drop the view that the newest makes needless, or the most redundant one."""
+        gains, views = self._solved().log_gain, self._views
+        looks = np.stack([view.world_from_camera for view in views])
+        cosine = (np.einsum("iab,jab->ij", looks, looks) - 1) / 2
+        alike = np.abs(gains.mean(1)[:, None] - gains.mean(1)) < LIKE_EXPOSURE
+        angle = np.where(alike, np.arccos(np.clip(cosine, -1, 1)), np.pi)
+        np.fill_diagonal(angle, np.inf)
+        angle[0] = np.inf  # the first view defines the unit
+        near = np.flatnonzero(angle[:newest, newest] < NEAR_RAD)
+        if len(near):
+            self._keep([k for k in range(len(views)) if k not in near])
+        elif len(views) > self._most:
+            worst = int(angle.min(1).argmin())
+            self._keep([k for k in range(len(views)) if k != worst])
+
+    def _keep(self, kept: list[int]) -> None:
+        gains = self._solved()
+        shift = gains.log_gain[kept[0]]
+        self._unit = self._unit + shift
+        n = len(kept)
+        for array in (self._logs, self._weights, self._power):
+            array[:n] = array[kept]
+        self._views = [self._views[k] for k in kept]
+        self._gains = Gains(
+            gains.log_gain[kept] - shift,
+            gains.cells,
+            gains.trust[kept],
+            gains.disagreement[kept],
+        )
+
+    def save(self, path: Path) -> None:
+        """Write the state as .npz, whole or not at all.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        state = {
+            "version": np.array(_VERSION),
+            "vertical_fov_rad": np.array(self.vertical_fov_rad),
+            "most_views": np.array(self._most),
+            "count": np.array([self._count, self._strange]),
+            "unit": self._unit,
+            "rotations": np.array([v.world_from_camera for v in self._views]),
+            "estimates": np.array([v.log_estimate for v in self._views]),
+            "exposures": np.array([[v.log_exposure, v.number] for v in self._views]),
+            **{f"pixels_{k}": view.pixels for k, view in enumerate(self._views)},
+        }
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            np.savez(file, **state)
+
+    @classmethod
+    def load(cls, path: Path, estimate: Estimate) -> "Session":
+        """Go on where `save` was called.
+
+        Raises:
+            OSError: the file cannot be read.
+            ConfigError: it holds no session of this version.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as state:
+                if int(state["version"]) != _VERSION:
+                    raise ValueError("another version")
+                session = cls(float(state["vertical_fov_rad"]), estimate, int(state["most_views"]))
+                exposures, rotations = state["exposures"], state["rotations"]
+                for k, own in enumerate(state["estimates"]):
+                    turn, (exposure, number) = rotations[k], exposures[k]
+                    fov = session.vertical_fov_rad
+                    pixels = state[f"pixels_{k}"]
+                    view = View(pixels, turn, fov, own, float(exposure), int(number))
+                    session._views.append(view)
+                    session._logs[k], session._weights[k] = view.cells()
+                    session._power[k] = log_power(view)
+                session._unit = state["unit"]
+                session._count, session._strange = (int(n) for n in state["count"])
+        except (KeyError, ValueError, TypeError) as error:
+            got = f"{path}: {error}"
+            raise ConfigError("a session saved by deeplight", got, "begin a new one") from error
+        if session._views:
+            session._solve()
+        return session
+
+
+def small(
+    frame: UInt8[np.ndarray, "height width 3"], vertical_fov_rad: float
+) -> UInt8[np.ndarray, "rows columns 3"]:
+    """The frame averaged down until a pixel is as wide as a texel of `HEIGHT` rows."""
+    import cv2
+
+    height, width, _ = frame.shape
+    # Tangents, not angles: in the middle of the picture, where pixels are widest.
+    rows = round(ROWS * np.tan(vertical_fov_rad / 2) / np.tan(radians(33)))
+    if rows >= height:
+        return np.ascontiguousarray(frame)
+    size = (max(2, round(width * rows / height)), max(2, rows))
+    return np.asarray(cv2.resize(np.ascontiguousarray(frame), size, interpolation=cv2.INTER_AREA))

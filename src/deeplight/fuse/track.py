@@ -1,0 +1,311 @@
+"""How the camera was turned in each picture, from the pictures alone.
+
+Features of pairs of pictures are matched; a rotation that a sample of two matches gives and most of
+the others confirm places the pair (the camera is taken to turn about one point; what does not, such
+as people and things very near, is outvoted). Then all rotations and the focal length are solved
+together over all matches, first with last where a turn closes, so that drift is spread and gone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import radians, tan
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from deeplight.frames import Rotation
+from deeplight.fuse.poses import angle_between, exponential, nearest_rotation
+
+WORKING_SIDE = 480
+"""Pixels of the longer side of the pictures that features are looked for in."""
+FEATURES = 700
+FEWEST = 14
+"""Matches that must agree on a rotation before a pair counts."""
+_AGREE_RAD = radians(0.8)
+_RATIO = 0.8  # a match must be so much better than the second best
+_TRIALS = 300
+_KEPT = 60  # matches of a pair that go into the adjustment
+_AHEAD = 3  # neighbours in time that every picture is matched with
+_REACH_RAD = radians(55)  # pictures that look nearer each other than this may overlap
+_ROUNDS = 15
+_SOFT_RAD = radians(0.3)  # a residual of this size counts half
+_FOV_SIGMA = 0.15  # ln of the tangent: how far an assumed field of view may be off
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Where pictures looked.
+
+    Attributes:
+        rotations: world_from_camera by the picture's place in the sequence; those that could not
+            be placed are missing. The first placed picture's frame is the world.
+        vertical_fov_rad: refined, if it was not known.
+        residual_rad: median angle by which matches miss each other.
+    """
+
+    rotations: dict[int, Rotation]
+    vertical_fov_rad: float
+    residual_rad: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Features:
+    """Points of one picture on the plane at distance 1, at the field of view assumed, and words."""
+
+    plane: Float[np.ndarray, "n 2"]
+    words: Float[np.ndarray, "n 128"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    first: int
+    second: int
+    one: Float[np.ndarray, "n 2"]
+    other: Float[np.ndarray, "n 2"]
+    first_from_second: Rotation
+
+
+def track(
+    pictures: Sequence[UInt8[np.ndarray, "height width 3"]],
+    vertical_fov_rad: float,
+    fov_known: bool,
+) -> Tracked:
+    """Find the rotation of each picture.
+
+    Args:
+        pictures: upright, of one camera, in the order they were taken.
+        vertical_fov_rad: known or assumed.
+        fov_known: whether to keep to it.
+
+    Returns:
+        The largest group of pictures that could be placed together; empty if no two match.
+    """
+    half = tan(vertical_fov_rad / 2)
+    features = [_features(picture, half) for picture in pictures]
+    pairs = _neighbours(features)
+    rotations = _chained(pairs, len(pictures))
+    tried = {(p.first, p.second) for p in pairs}
+    for _ in range(2):  # a closed turn may bring further pictures within reach
+        more = [_matched(features, *pair) for pair in _near(rotations, tried)]
+        found = [pair for pair in more if pair is not None]
+        pairs += found
+        rotations, scale, residual = _adjusted(pairs, _chained(pairs, len(pictures)), fov_known)
+        if not found:
+            break
+    return Tracked(rotations, float(2 * np.arctan(half * scale)), residual)
+
+
+def _features(picture: UInt8[np.ndarray, "height width 3"], half_height: float) -> _Features:
+    scale = min(1.0, WORKING_SIDE / max(picture.shape[:2]))
+    grey = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY)
+    if scale < 1:
+        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    points, words = cv2.SIFT.create(FEATURES, contrastThreshold=0.015).detectAndCompute(grey, None)
+    if words is None or len(words) < 2:
+        return _Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
+    at = np.array([point.pt for point in points])
+    height, width = grey.shape
+    plane = (at + 0.5 - [width / 2, height / 2]) * [1, -1] * (2 * half_height / height)
+    roots = np.sqrt(words / np.maximum(words.sum(1, keepdims=True), 1e-9))  # Arandjelovic 2012
+    return _Features(plane, roots.astype(np.float32))
+
+
+def _neighbours(features: list[_Features]) -> list[_Pair]:
+    pairs = []
+    for second in range(1, len(features)):
+        for first in range(max(0, second - _AHEAD), second):
+            pair = _matched(features, first, second)
+            if pair is not None:
+                pairs.append(pair)
+    return pairs
+
+
+def _near(rotations: dict[int, Rotation], tried: set[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Pairs not tried yet that look into nearly one direction; and unplaced ones, with all."""
+    numbers = sorted(rotations)
+    found = []
+    for place, first in enumerate(numbers):
+        for second in numbers[place + 1 :]:
+            drift = 0.003 * (second - first)
+            angle = angle_between(rotations[first], rotations[second])
+            if angle < _REACH_RAD + drift and (first, second) not in tried:
+                tried.add((first, second))
+                found.append((first, second))
+    return found
+
+
+def _matched(features: list[_Features], first: int, second: int) -> _Pair | None:
+    """Match two pictures and find the rotation between them, None if they do not overlap."""
+    a, b = features[first], features[second]
+    if min(len(a.plane), len(b.plane)) < FEWEST:
+        return None
+    likeness = a.words @ b.words.T
+    best = likeness.argmax(1)
+    rows = np.arange(len(best))
+    top = likeness[rows, best]
+    likeness[rows, best] = -1
+    second_best = likeness.max(1)
+    likeness[rows, best] = top
+    clear = 2 - 2 * top < _RATIO**2 * (2 - 2 * second_best)
+    mutual = likeness.argmax(0)[best] == rows
+    kept = np.flatnonzero(clear & mutual)
+    if len(kept) < FEWEST:
+        return None
+    one, other = a.plane[kept], b.plane[best[kept]]
+    rng = np.random.default_rng([first, second])
+    found = _rotation_of(_rays(one), _rays(other), rng)
+    if found is None:
+        return None
+    turn, agree = found
+    chosen = np.flatnonzero(agree)
+    if len(chosen) > _KEPT:
+        chosen = rng.choice(chosen, _KEPT, replace=False)
+    return _Pair(first, second, one[chosen], other[chosen], turn)
+
+
+def _rays(plane: Float[np.ndarray, "n 2"], scale: float = 1.0) -> Float[np.ndarray, "n 3"]:
+    rays = np.concatenate([plane * scale, -np.ones((len(plane), 1))], axis=1)
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def _rotation_of(
+    one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"], rng: np.random.Generator
+) -> tuple[Rotation, np.ndarray] | None:
+    """The rotation that most matches agree on (RANSAC), and which do: one = R other."""
+    pairs = rng.integers(0, len(one), (_TRIALS, 2))
+    pairs = pairs[np.linalg.norm(one[pairs[:, 0]] - one[pairs[:, 1]], axis=1) > 0.05]
+    if not len(pairs):
+        return None
+    left, right = _frames_of(one[pairs]), _frames_of(other[pairs])
+    turns = left @ right.transpose(0, 2, 1)
+    misses = np.linalg.norm(one - np.einsum("tij,nj->tni", turns, other), axis=2)
+    # A field of view that is only assumed bends rays towards the edge: the first gate is wide.
+    agree = misses[(misses < 2.5 * _AGREE_RAD).sum(1).argmax()] < 2.5 * _AGREE_RAD
+    for gate in (2.5, 2.0):
+        if agree.sum() < FEWEST:
+            return None
+        turn = nearest_rotation(one[agree].T @ other[agree])
+        agree = np.linalg.norm(one - other @ turn.T, axis=1) < gate * _AGREE_RAD
+    # Of chance matches some agree with any rotation: ask for a share as well (Brown, Lowe 2007).
+    return (turn, agree) if agree.sum() > max(FEWEST, 8 + 0.25 * len(one)) else None
+
+
+def _frames_of(pairs: Float[np.ndarray, "t 2 3"]) -> Float[np.ndarray, "t 3 3"]:
+    """An orthonormal frame spanned by each pair of rays."""
+    middle, across = pairs.sum(1), pairs[:, 0] - pairs[:, 1]
+    x = middle / np.linalg.norm(middle, axis=1, keepdims=True)
+    y = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    return np.stack([x, y, np.cross(x, y)], axis=2)
+
+
+def _chained(pairs: list[_Pair], count: int) -> dict[int, Rotation]:
+    """Rotations of the largest connected group, along the pairs with most matches."""
+    groups: list[dict[int, Rotation]] = []
+    placed: set[int] = set()
+    for start in range(count):
+        if start in placed:
+            continue
+        group = {start: np.eye(3)}
+        while True:
+            best, step = 0, None
+            for p in pairs:
+                if (p.first in group) != (p.second in group) and len(p.one) > best:
+                    best, step = len(p.one), p
+            if step is None:
+                break
+            if step.first in group:
+                group[step.second] = group[step.first] @ step.first_from_second
+            else:
+                group[step.first] = group[step.second] @ step.first_from_second.T
+        placed |= set(group)
+        groups.append(group)
+    largest = max(groups, key=len, default={})
+    if len(largest) < 2:
+        return {}
+    origin = largest[min(largest)].T
+    return {number: origin @ turn for number, turn in sorted(largest.items())}
+
+
+def _adjusted(
+    pairs: list[_Pair], rotations: dict[int, Rotation], fov_known: bool
+) -> tuple[dict[int, Rotation], float, float]:
+    """All rotations and the focal length together (Gauss-Newton, Cauchy weights)."""
+    order = {number: place for place, number in enumerate(rotations)}
+    used = [p for p in pairs if p.first in order and p.second in order]
+    if not used:
+        return rotations, 1.0, 0.0
+    turns = np.stack(list(rotations.values()))
+    i = np.concatenate([np.full(len(p.one), order[p.first]) for p in used])
+    j = np.concatenate([np.full(len(p.one), order[p.second]) for p in used])
+    one = np.concatenate([p.one for p in used])
+    other = np.concatenate([p.other for p in used])
+    log_scale, soft = 0.0, 3 * _SOFT_RAD
+    for _ in range(_ROUNDS):
+        step, log_step = _step(turns, log_scale, (i, j, one, other), fov_known, soft)
+        turns = np.stack([t @ exponential(s) for t, s in zip(turns, step, strict=True)])
+        log_scale = float(np.clip(log_scale + log_step, -0.5, 0.5))
+        soft = max(_SOFT_RAD, 0.7 * soft)
+        if np.abs(step).max() < 1e-6:
+            break
+    scale = float(np.exp(log_scale))
+    misses = np.einsum("nij,nj->ni", turns[i], _rays(one, scale))
+    misses = misses - np.einsum("nij,nj->ni", turns[j], _rays(other, scale))
+    residual = float(np.median(np.linalg.norm(misses, axis=1)))
+    turns = turns[0].T @ turns
+    return {number: turns[place] for number, place in order.items()}, scale, residual
+
+
+def _step(
+    turns: np.ndarray,
+    log_scale: float,
+    matches: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    fov_known: bool,
+    soft: float,
+) -> tuple[np.ndarray, float]:
+    """One step of all rotations (in their own frames) and of ln of the plane's scale."""
+    i, j, one, other = matches
+    scale = float(np.exp(log_scale))
+    a, b = _rays(one, scale), _rays(other, scale)
+    residual = np.einsum("nij,nj->ni", turns[i], a) - np.einsum("nij,nj->ni", turns[j], b)
+    weight = 1 / (1 + (np.linalg.norm(residual, axis=1) / soft) ** 2)
+    by_i, by_j = -turns[i] @ _crosses(a), turns[j] @ _crosses(b)
+    h = 1e-4
+    nearby = np.einsum("nij,nj->ni", turns[i], _rays(one, scale * (1 + h)))
+    nearby -= np.einsum("nij,nj->ni", turns[j], _rays(other, scale * (1 + h)))
+    by_scale = (nearby - residual) / h
+    n = 3 * len(turns)
+    matrix, right = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
+    parts = ((i, by_i), (j, by_j))
+    for one_index, one_part in parts:
+        np.add.at(
+            right[:n].reshape(-1, 3), one_index, -np.einsum("n,nki,nk->ni", weight, one_part, residual)
+        )
+        column = np.einsum("n,nki,nk->ni", weight, one_part, by_scale)
+        np.add.at(matrix[:n, n].reshape(-1, 3), one_index, column)
+        for other_index, other_part in parts:
+            block = np.einsum("n,nki,nkj->nij", weight, one_part, other_part)
+            blocks = np.zeros((len(turns), len(turns), 3, 3))
+            np.add.at(blocks, (one_index, other_index), block)
+            matrix[:n, :n] += blocks.transpose(0, 2, 1, 3).reshape(n, n)
+    matrix[n, :n] = matrix[:n, n]
+    matrix[n, n] = np.einsum("n,nk,nk->", weight, by_scale, by_scale)
+    right[n] = -np.einsum("n,nk,nk->", weight, by_scale, residual)
+    pull = (soft / _FOV_SIGMA) ** 2
+    matrix[n, n] += pull
+    right[n] -= pull * log_scale
+    if fov_known:
+        matrix[n, :n] = matrix[:n, n] = right[n] = 0
+        matrix[n, n] = 1
+    matrix[:3, :3] += np.eye(3) * 1e3  # the first picture stays
+    matrix[np.diag_indices(n + 1)] += 1e-9
+    solved = np.linalg.solve(matrix, right)
+    return solved[:n].reshape(-1, 3), float(solved[n])
+
+
+def _crosses(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """[v]x of each: the matrix with [v]x w = v x w."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, -1) for row in rows], 1)
