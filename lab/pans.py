@@ -18,15 +18,15 @@ import numpy as np
 import tyro
 from jaxtyping import Float, UInt8
 
-from deeplight import resample
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import GAMMA
 from deeplight.frames import Rotation, rotation, turned, world_from_camera
 from deeplight.harmonics import irradiance, project
-from deeplight.io.hdr import write_exr
-from deeplight.io.image import write_png
+from deeplight.io.photos import write_png
+from deeplight.io.radiance import write_exr
 from deeplight.io.video_writer import VideoWriter
 from deeplight.lighting import Lighting
+from deeplight.mappings import resample
 from deeplight.simulate.panorama import Place, load, places_in
 from deeplight.simulate.phone import (
     PHONES,
@@ -147,6 +147,7 @@ def film_pan(
     kept = [k for k in range(len(poses)) if k == 0 or rng.random() >= troubles.dropped]
     steps = _strayed(len(poses), troubles.step_m / DEPTH_M, rng)
     people = [_Person.drawn(len(poses), rng) for _ in range(troubles.people)]
+    coarse = resample.shrink_latlong(panorama, 64)  # what falls on things changes little in a step
     first: Setting | None = None
     setting: Setting | None = None
     frames = []
@@ -155,7 +156,7 @@ def film_pan(
         seen = _exposed(place, camera, poses[k], troubles.blur_rad)
         for person in people:
             seen = person.standing_in(seen, camera, poses[k], k, float(np.median(panorama)))
-        wanted = metered(seen[::8, ::8].reshape(-1, 3), _illuminant(place, poses[k]), habits)
+        wanted = metered(seen[::8, ::8].reshape(-1, 3), _illuminant(coarse, poses[k]), habits)
         setting = follow(setting, wanted, habits.speed)
         first = first or setting
         stops = sweep.bracket_stops[k % len(sweep.bracket_stops)]
@@ -201,7 +202,7 @@ def _exposed(
 
 def _illuminant(panorama: np.ndarray, pose: Rotation) -> Float[np.ndarray, "3"]:
     """Light on what stands in front of the camera: on its top and on the side seen."""
-    coefficients = project(Lighting.from_latlong(resample.shrink_latlong(panorama, 64), pose.T))
+    coefficients = project(Lighting.from_latlong(panorama, pose.T))
     facing = irradiance(coefficients, np.eye(3, dtype=np.float32)[1:])
     return np.maximum(facing.mean(axis=0), 1e-6 * facing.max())
 
@@ -235,7 +236,7 @@ class _Person:
         towards = pose.T @ at
         if towards[2] > -0.2:
             return seen
-        row, column = camera.pixel_of_directions(towards)
+        (row,), (column,) = camera.pixel_of_directions(towards[None])
         focal = camera.height / 2 / camera.tangents[1]
         mask = np.zeros(seen.shape[:2], np.float32)
         axes = (int(self.half_width * focal), int(4.0 * self.half_width * focal))

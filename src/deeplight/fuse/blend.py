@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, UInt8
 
-from deeplight import latlong
 from deeplight.frames import turned
-from deeplight.fuse.view import CELL_ROWS, CLIPPED, View, feather, inside
+from deeplight.fuse.view import CLIPPED, View, cell_of, feather, inside
 
 _SHARPNESS = 4
 """Power of the feather: near to the best view alone, yet without seams."""
 _AGREES = 0.8  # an unclipped value may lie so far under what a clipped one says is the least
+_REACH_PX = 2
 _EDGE = 0.15  # feather at which a texel counts as wholly seen
 
 
@@ -35,35 +35,36 @@ def blended(
     views: Sequence[View],
     log_gain: Float[np.ndarray, "views 3"],
     trust: Float[np.ndarray, "views cells"],
-    height: int,
+    directions: Float32[np.ndarray, "height width 3"],
 ) -> Seen:
-    """Lay all views into a panorama of the world.
+    """Lay all views into a panorama whose texels look along `directions`, world.
 
     Where one view clips and another, exposed for less, shows at least as much, the other's value
     counts: differently exposed views give high dynamic range. A darker value contradicts the
     clipped one (a lamp that parallax moved, a person before it), and the better placed view wins.
     """
-    directions = latlong.directions(height, 2 * height).reshape(-1, 3)
-    samples = [_Sampled.of(view, directions, height) for view in views]
+    shape = directions.shape[:2]
+    directions = directions.reshape(-1, 3)
+    samples = [_Sampled.of(view, directions) for view in views]
     share = np.zeros(len(directions), np.float32)
     bound, bound_weight = (np.zeros((len(directions), 3), np.float32) for _ in range(2))
+    scales = np.exp(-log_gain).astype(np.float32)
     for k, one in enumerate(samples):
-        one.values *= np.exp(-log_gain[k]).astype(np.float32)
+        one.values *= scales[k]
         share[one.at] = np.maximum(share[one.at], np.minimum(one.soft / _EDGE, 1))
-        one.soft = one.soft**_SHARPNESS * _enlarged(trust[k], one.at, height) + 1e-9
+        one.soft = one.soft**_SHARPNESS * trust[k][cell_of(directions[one.at])] + 1e-9
         clipped = np.where(one.clipped, one.values, 0)
         bound[one.at] = np.maximum(bound[one.at], clipped)
         bound_weight[one.at] += np.where(one.clipped, one.soft[:, None], 0)
     above, below = (_Mean(len(directions)) for _ in range(2))
-    for one in samples:
+    for one, scale in zip(samples, scales, strict=True):
         weight = np.where(one.clipped, 0, one.soft[:, None])
-        agrees = one.values > _AGREES * bound[one.at]
+        agrees = one.nearby * scale > _AGREES * bound[one.at]
         above.add(one.at, one.values, weight * agrees)
         below.add(one.at, one.values, weight * ~agrees)
     radiance = np.where(below.weight > bound_weight, below.mean(), bound)
     radiance = np.where(above.weight > 0, above.mean(), radiance)
     clipped_all = (above.weight == 0) & (bound_weight >= below.weight) & (bound > 0)
-    shape = (height, 2 * height)
     return Seen(
         radiance.reshape(*shape, 3), share.reshape(shape), clipped_all.any(-1).reshape(shape)
     )
@@ -85,22 +86,24 @@ class _Mean:
 
 @dataclass(eq=False)
 class _Sampled:
-    """What one view shows of the panorama: texels, radiance, clipping, trust."""
+    """What one view shows of the panorama: texels, radiance, clipping, trust.
+
+    `nearby` is the most radiance within `_REACH_PX` pixels: what an edge or parallax may hide.
+    """
 
     at: np.ndarray
     values: np.ndarray
     clipped: np.ndarray
     soft: np.ndarray
+    nearby: np.ndarray
 
     @classmethod
-    def of(cls, view: View, directions: np.ndarray, height: int) -> "_Sampled":
+    def of(cls, view: View, directions: np.ndarray) -> "_Sampled":
         at, own = _texels(view, directions)
         return cls(at, *_interpolated(view, own))
 
 
-def _texels(
-    view: View, directions: np.ndarray
-) -> tuple[np.ndarray, Float32[np.ndarray, "n 3"]]:
+def _texels(view: View, directions: np.ndarray) -> tuple[np.ndarray, Float32[np.ndarray, "n 3"]]:
     """Indices of the texels that a view shows, and their directions in its camera."""
     reach = np.hypot(*view.camera.tangents)
     near = np.flatnonzero(directions @ view.towards.astype(np.float32) > 1 / np.hypot(1, reach))
@@ -111,8 +114,8 @@ def _texels(
 
 def _interpolated(
     view: View, directions: Float32[np.ndarray, "n 3"]
-) -> tuple[Float32[np.ndarray, "n 3"], Bool[np.ndarray, "n 3"], Float32[np.ndarray, " n"]]:
-    """Radiance, clipping and feather at directions, interpolated between pixels."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Radiance, clipping and feather at directions, interpolated, and radiance nearby."""
     camera = view.camera
     row, column = camera.pixel_of_directions(directions)
     row, column = row.clip(0, camera.height - 1.001), column.clip(0, camera.width - 1.001)
@@ -135,11 +138,15 @@ def _interpolated(
         values += radiance[taps] * part[:, None]
         feathered += soft[taps] * part
         brightest = np.maximum(brightest, pixels[taps])
-    return values, brightest >= CLIPPED, feathered
+    nearby = view.linear(_greatest(view.pixels).reshape(-1, 3)[index])
+    return values, brightest >= CLIPPED, feathered, nearby
 
 
-def _enlarged(cells: np.ndarray, at: np.ndarray, height: int) -> np.ndarray:
-    """Values of coarse cells at texels of the panorama (the cell each lies in)."""
-    step = height / CELL_ROWS
-    row, column = (at // (2 * height) / step).astype(int), (at % (2 * height) / step).astype(int)
-    return cells[row * (2 * CELL_ROWS) + column].astype(np.float32)
+def _greatest(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
+    """Each channel's greatest value within `_REACH_PX` rows and columns."""
+    for axis in (0, 1):
+        padded = np.pad(pixels, [(_REACH_PX * (a == axis),) * 2 for a in range(3)], "edge")
+        size = pixels.shape[axis]
+        parts = [padded.take(range(k, k + size), axis) for k in range(2 * _REACH_PX + 1)]
+        pixels = np.maximum.reduce(parts)
+    return pixels

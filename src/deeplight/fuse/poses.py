@@ -61,7 +61,7 @@ class Poses:
     times_s: Float[np.ndarray, " poses"] | None
 
     def at(self, number: int, time_s: float) -> Rotation | None:
-        """The rotation of a frame; between two times on the shortest way; None where it has none."""
+        """The rotation of a frame, None where it has none; times between are interpolated."""
         if self.numbers is not None:
             found = [k for k, own in enumerate(self.numbers) if own == number]
             return self.rotations[found[0]] if found else None

@@ -9,14 +9,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
+from deeplight.environment import Environment
 from deeplight.errors import ConfigError, InputError, ShapeError
 from deeplight.frames import Rotation, require_rotation
-from deeplight.fuse.gains import Gains, solve_gains
-from deeplight.fuse.merge import Fused, fused, log_power
+from deeplight.fuse.gains import overlaps, solve_gains, trusted
+from deeplight.fuse.merge import environment_of, log_power
 from deeplight.fuse.view import CELLS, HEIGHT, ROWS, View
 from deeplight.io.atomic import replacing
 
@@ -26,7 +28,9 @@ NEAR_RAD = radians(7)
 LIKE_EXPOSURE = 0.5
 """ln of gains up to which two views count as equally exposed."""
 CHANGED = 0.45
-"""Median disagreement, ln, of a view with the sky so far that speaks of another light or place."""
+"""Mean disagreement, ln, of a view with the sky so far that speaks of another light or place."""
+LEAST_OVERLAP_SR = 0.05
+"""Views that share less than this are not asked whether they agree."""
 PATIENCE = 3
 """So many such views in a row, and what was before them is forgotten."""
 _VERSION = 1
@@ -70,17 +74,21 @@ class Session:
         """
         if not 0 < vertical_fov_rad < np.pi or most_views < 2:
             got = f"{vertical_fov_rad:g} rad, {most_views} views"
-            raise ShapeError("a field of view inside (0, pi) and 2 views or more", got, "correct it")
+            raise ShapeError(
+                "a field of view inside (0, pi) and 2 views or more", got, "correct it"
+            )
         self.vertical_fov_rad = vertical_fov_rad
         self._estimate, self._most = estimate, most_views
         self._views: list[View] = []
-        self._logs = np.zeros((most_views + 1, CELLS, 3), np.float32)
-        self._weights = np.zeros((most_views + 1, CELLS, 3), np.float32)
-        self._power = np.zeros((most_views + 1, 3))
+        n = most_views + 1
+        self._logs, self._weights = (np.zeros((n, CELLS, 3), np.float32) for _ in range(2))
+        self._differences, self._sure = (np.zeros((n, n, 3)) for _ in range(2))
+        self._power = np.zeros((n, 3))
+        self._log_gain = np.zeros((0, 3))
+        self._first_turn: Rotation = np.eye(3)
         self._unit = np.zeros(3)  # ln gain of the first kept view
-        self._gains: Gains | None = None
-        self._strange = 0
-        self._count = 0
+        self._strange = self._count = 0
+        self._trust: Float[np.ndarray, "views cells"] | None = None
 
     @property
     def views(self) -> tuple[View, ...]:
@@ -89,8 +97,8 @@ class Session:
 
     @property
     def gains(self) -> Float[np.ndarray, "views 3"]:
-        """ln of each view's gain relative to the first frame's."""
-        return self._solved().log_gain + self._unit
+        """ln of each view's gain: 0 is the first frame's exposure and white balance."""
+        return self._log_gain + self._unit
 
     def add(
         self,
@@ -123,11 +131,17 @@ class Session:
         self._count += 1
         return self._take(view)
 
-    def environment_of(self, world_from_camera: Rotation | None = None, height: int = HEIGHT) -> Fused:
-        """The light so far in a camera's frame, in the first frame's unit.
+    def environment(
+        self,
+        world_from_camera: Rotation | None = None,
+        log_gain: Float[np.ndarray, "3"] | None = None,
+        height: int = HEIGHT,
+    ) -> Environment:
+        """The light so far.
 
         Args:
-            world_from_camera: that camera; left out, the first frame's.
+            world_from_camera: the camera in whose frame; left out, the first frame's.
+            log_gain: of the frame relative to whose white, out of `gains`; left out, the first's.
             height: rows of the panorama.
 
         Raises:
@@ -135,46 +149,65 @@ class Session:
         """
         if not self._views:
             raise InputError("a frame", "a session without any", "add one first")
-        turn = self._views[0].world_from_camera if world_from_camera is None else world_from_camera
-        return fused(self._views, self.gains, self._solved().trust, turn, height)
+        turn = self._first_turn if world_from_camera is None else world_from_camera
+        n = len(self._views)
+        gains = self.gains - (np.zeros(3) if log_gain is None else log_gain)
+        if self._trust is None:
+            self._trust = trusted(self._logs[:n], self._weights[:n], gains)
+        return environment_of(self._views, gains, self._trust, turn, height)
 
     def reset(self) -> None:
         """Forget everything: the place has been left."""
-        self._views, self._gains, self._strange, self._count = [], None, 0, 0
-        self._unit = np.zeros(3)
+        self._views, self._log_gain, self._unit = [], np.zeros((0, 3)), np.zeros(3)
+        self._strange = self._count = 0
 
     def _take(self, view: View) -> Added:
+        if not self._views:
+            self._first_turn = view.world_from_camera
         slot = len(self._views)
         self._views.append(view)
-        self._logs[slot], self._weights[slot] = view.cells()
-        self._power[slot] = log_power(view)
+        disagreement = self._compare(slot)
         self._solve()
-        disagreement = float(self._solved().disagreement[slot])
         self._strange = self._strange + 1 if disagreement > CHANGED else 0
         forgotten = self._strange >= PATIENCE
         if forgotten:
-            self._keep(list(range(max(0, len(self._views) - PATIENCE), len(self._views))))
+            self._keep(list(range(max(0, slot + 1 - PATIENCE), slot + 1)))
             self._strange = 0
         else:
             self._thin(slot)
         return Added(len(self._views), forgotten, disagreement)
 
+    def _compare(self, slot: int) -> float:
+        """Fill in what the view in a slot and all before it share; how far they disagree."""
+        view = self._views[slot]
+        self._logs[slot], self._weights[slot] = view.cells()
+        self._power[slot] = log_power(view)
+        found = overlaps(
+            self._logs[slot], self._weights[slot], self._logs[:slot], self._weights[:slot]
+        )
+        self._differences[slot, :slot], self._differences[:slot, slot] = (
+            found.difference,
+            -found.difference,
+        )
+        self._sure[slot, :slot] = self._sure[:slot, slot] = found.weight
+        self._differences[slot, slot] = self._sure[slot, slot] = 0
+        sure = found.weight.sum(1)
+        overlapping = sure > LEAST_OVERLAP_SR
+        overlapping[max(0, slot - self._strange) :] = False  # asked about are the views before
+        if not overlapping.any():
+            return 0.0
+        return float(np.average(found.disagreement[overlapping], weights=sure[overlapping]))
+
     def _solve(self) -> None:
+        self._trust = None
         n = len(self._views)
         exposures = np.array([view.log_exposure for view in self._views])
-        trust = None if self._gains is None else self._gains.trust
-        self._gains = solve_gains(
-            self._logs[:n], self._weights[:n], exposures, self._power[:n], trust
-        )
-
-    def _solved(self) -> Gains:
-        if self._gains is None:
-            raise InputError("a frame", "a session without any", "add one first")
-        return self._gains
+        sure, differences = self._sure[:n, :n], self._differences[:n, :n]
+        self._log_gain = solve_gains(differences, sure, exposures, self._power[:n])
 
     def _thin(self, newest: int) -> None:
         """Drop the view that the newest makes needless, or the most redundant one."""
-        gains, views = self._solved().log_gain, self._views
+        gains, views = self._log_gain, self._views
         looks = np.stack([view.world_from_camera for view in views])
         cosine = (np.einsum("iab,jab->ij", looks, looks) - 1) / 2
         alike = np.abs(gains.mean(1)[:, None] - gains.mean(1)) < LIKE_EXPOSURE
@@ -189,19 +222,16 @@ class Session:
             self._keep([k for k in range(len(views)) if k != worst])
 
     def _keep(self, kept: list[int]) -> None:
-        gains = self._solved()
-        shift = gains.log_gain[kept[0]]
+        shift = self._log_gain[kept[0]]
         self._unit = self._unit + shift
+        self._log_gain = self._log_gain[kept] - shift
         n = len(kept)
         for array in (self._logs, self._weights, self._power):
             array[:n] = array[kept]
+        for pairs in (self._differences, self._sure):
+            pairs[:n, :n] = pairs[np.ix_(kept, kept)]
         self._views = [self._views[k] for k in kept]
-        self._gains = Gains(
-            gains.log_gain[kept] - shift,
-            gains.cells,
-            gains.trust[kept],
-            gains.disagreement[kept],
-        )
+        self._trust = None
 
     def save(self, path: Path) -> None:
         """Write the state as .npz, whole or not at all.
@@ -209,19 +239,20 @@ class Session:
         Raises:
             OSError: the file cannot be written.
         """
-        state = {
+        state: dict[str, np.ndarray] = {
             "version": np.array(_VERSION),
             "vertical_fov_rad": np.array(self.vertical_fov_rad),
             "most_views": np.array(self._most),
             "count": np.array([self._count, self._strange]),
             "unit": self._unit,
+            "first_turn": self._first_turn,
             "rotations": np.array([v.world_from_camera for v in self._views]),
             "estimates": np.array([v.log_estimate for v in self._views]),
             "exposures": np.array([[v.log_exposure, v.number] for v in self._views]),
             **{f"pixels_{k}": view.pixels for k, view in enumerate(self._views)},
         }
         with replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, **state)
+            np.savez(file, allow_pickle=False, **state)
 
     @classmethod
     def load(cls, path: Path, estimate: Estimate) -> "Session":
@@ -243,11 +274,11 @@ class Session:
                     pixels = state[f"pixels_{k}"]
                     view = View(pixels, turn, fov, own, float(exposure), int(number))
                     session._views.append(view)
-                    session._logs[k], session._weights[k] = view.cells()
-                    session._power[k] = log_power(view)
+                    session._compare(k)
+                session._first_turn = state["first_turn"]
                 session._unit = state["unit"]
                 session._count, session._strange = (int(n) for n in state["count"])
-        except (KeyError, ValueError, TypeError) as error:
+        except (KeyError, ValueError, TypeError, EOFError, BadZipFile) as error:
             got = f"{path}: {error}"
             raise ConfigError("a session saved by deeplight", got, "begin a new one") from error
         if session._views:

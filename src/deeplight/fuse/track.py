@@ -84,15 +84,15 @@ def track(
     half = tan(vertical_fov_rad / 2)
     features = [_features(picture, half) for picture in pictures]
     pairs = _neighbours(features)
-    rotations = _chained(pairs, len(pictures))
     tried = {(p.first, p.second) for p in pairs}
+    rotations, scale, residual = _adjusted(pairs, _chained(pairs, len(pictures)), fov_known)
     for _ in range(2):  # a closed turn may bring further pictures within reach
         more = [_matched(features, *pair) for pair in _near(rotations, tried)]
         found = [pair for pair in more if pair is not None]
-        pairs += found
-        rotations, scale, residual = _adjusted(pairs, _chained(pairs, len(pictures)), fov_known)
         if not found:
             break
+        pairs += found
+        rotations, scale, residual = _adjusted(pairs, _chained(pairs, len(pictures)), fov_known)
     return Tracked(rotations, float(2 * np.arctan(half * scale)), residual)
 
 
@@ -122,12 +122,12 @@ def _neighbours(features: list[_Features]) -> list[_Pair]:
 
 
 def _near(rotations: dict[int, Rotation], tried: set[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Pairs not tried yet that look into nearly one direction; and unplaced ones, with all."""
+    """Pairs not tried yet that may overlap, drift since the first of them allowed for."""
     numbers = sorted(rotations)
     found = []
     for place, first in enumerate(numbers):
         for second in numbers[place + 1 :]:
-            drift = 0.003 * (second - first)
+            drift = 0.01 * (second - first)
             angle = angle_between(rotations[first], rotations[second])
             if angle < _REACH_RAD + drift and (first, second) not in tried:
                 tried.add((first, second))
@@ -279,7 +279,9 @@ def _step(
     parts = ((i, by_i), (j, by_j))
     for one_index, one_part in parts:
         np.add.at(
-            right[:n].reshape(-1, 3), one_index, -np.einsum("n,nki,nk->ni", weight, one_part, residual)
+            right[:n].reshape(-1, 3),
+            one_index,
+            -np.einsum("n,nki,nk->ni", weight, one_part, residual),
         )
         column = np.einsum("n,nki,nk->ni", weight, one_part, by_scale)
         np.add.at(matrix[:n, n].reshape(-1, 3), one_index, column)

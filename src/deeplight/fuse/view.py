@@ -6,23 +6,23 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
-from deeplight import latlong
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import decode
 from deeplight.frames import Rotation, turned
+from deeplight.mappings import latlong
 
 ROWS = 192
 """Rows of a kept picture of 66 degrees: a pixel is then as wide as a texel of `HEIGHT`."""
 HEIGHT = 512
 """Rows of a fused panorama."""
-CELL_ROWS = 32
-"""Rows of the coarse sky in which views are compared; a cell is 5.6 degrees wide."""
+CELL_ROWS = 64
+"""Rows of the coarse sky in which views are compared; a cell is 2.8 degrees wide."""
 CELLS = 2 * CELL_ROWS**2
 CLIPPED = 250
 """From this pixel value on a channel says only that there is at least so much light."""
-DARKEST = 3
+DARKEST = 8
 """Below this pixel value there is more noise and rounding than light."""
-_FEWEST = 0.5  # share of a cell's pixels of a whole cell that a view must have seen of it
+_FEWEST = 0.9  # share of a cell that a view must have seen: half of it may look different
 
 _LINEAR = decode(np.arange(256, dtype=np.float32) / np.float32(255))
 _LINEAR.setflags(write=False)
@@ -61,6 +61,11 @@ class View:
         """Linear, relative to this picture's white; a clipped value is a lower bound."""
         return _LINEAR[self.pixels]
 
+    @staticmethod
+    def linear(pixels: UInt8[np.ndarray, "*n 3"]) -> Float32[np.ndarray, "*n 3"]:
+        """Linear values of pixel values; 1.0 is white."""
+        return _LINEAR[pixels]
+
     @property
     def towards(self) -> Float[np.ndarray, "3"]:
         """Where the camera looked, world."""
@@ -69,25 +74,24 @@ class View:
     def cells(self) -> tuple[Float32[np.ndarray, "cells 3"], Float32[np.ndarray, "cells 3"]]:
         """ln of the mean radiance of each coarse cell, and how much it counts; 0 is not seen.
 
-        A channel that clips anywhere in a cell, or is black there, says nothing about its mean.
+        A channel that clips in a cell, or is near black on average, says nothing about its mean.
         """
-        step = max(1, round(len(self.pixels) * CELL_ROWS / self.vertical_fov_rad / 400))
-        pixels = self.pixels[step // 2 :: step, step // 2 :: step]
-        rays = _rays(self.camera)[step // 2 :: step, step // 2 :: step]
-        cell = cell_of(turned(rays.reshape(-1, 3), self.world_from_camera))
-        flat, values = pixels.reshape(-1, 3), _LINEAR[pixels].reshape(-1, 3)
-        share = feather(self.camera)[step // 2 :: step, step // 2 :: step].ravel()
-        count = np.bincount(cell, share, CELLS).astype(np.float32)
-        pixel_sr = 4 * np.prod(self.camera.tangents) / len(flat)
-        weight = np.minimum(count * pixel_sr / cell_solid_angles(), 1)
-        weight[weight < _FEWEST] = 0
+        camera = self.camera
+        cell = cell_of(turned(_rays(camera).reshape(-1, 3), self.world_from_camera))
+        flat = self.pixels.reshape(-1, 3)
+        count = np.bincount(cell, minlength=CELLS)
+        covered = np.bincount(cell, _pixel_solid_angles(camera), CELLS)
+        whole = covered > _FEWEST * cell_solid_angles()
+        trust = np.bincount(cell, feather(camera).ravel(), CELLS) / np.maximum(count, 1)
+        weight = np.where(whole, trust * cell_solid_angles(), 0).astype(np.float32)
         logs, weights = np.zeros((CELLS, 3), np.float32), np.zeros((CELLS, 3), np.float32)
         for channel in range(3):
-            mean = np.bincount(cell, values[:, channel] * share, CELLS) / np.maximum(count, 1e-9)
-            usable = (flat[:, channel] >= DARKEST) & (flat[:, channel] < CLIPPED)
-            spoilt = np.bincount(cell, ~usable * share, CELLS) > 0.02 * count
-            weights[:, channel] = np.where(spoilt, 0, weight * cell_solid_angles())
-            logs[:, channel] = np.log(np.maximum(mean, 1e-6))
+            values = flat[:, channel]
+            mean = np.bincount(cell, _LINEAR[values], CELLS) / np.maximum(count, 1)
+            spoilt = np.bincount(cell, values >= CLIPPED, CELLS) > 0
+            usable = ~spoilt & (mean > _LINEAR[DARKEST])
+            weights[:, channel] = np.where(usable, weight, 0)
+            logs[:, channel] = np.log(np.maximum(mean, _LINEAR[DARKEST]))
         return logs, weights
 
 
@@ -113,6 +117,14 @@ def cell_solid_angles() -> Float32[np.ndarray, " cells"]:
 @lru_cache(maxsize=8)
 def _rays(camera: PinholeCamera) -> Float32[np.ndarray, "height width 3"]:
     return camera.rays().astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def _pixel_solid_angles(camera: PinholeCamera) -> Float[np.ndarray, " pixels"]:
+    """Solid angle of every pixel of a camera, sr: its area on the plane times cos^3."""
+    x, y = camera.tangents
+    area = 4 * x * y / (camera.width * camera.height)
+    return area * np.abs(_rays(camera)[..., 2].ravel()) ** 3
 
 
 @lru_cache(maxsize=8)

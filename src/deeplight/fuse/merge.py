@@ -1,0 +1,157 @@
+"""Seen pixels and the network's estimates of all views as one light, its power right.
+
+Where a view looked, its pixels count. Elsewhere the estimates are merged twice: the mean of their
+logarithms is the sharper map (a lamp that each view puts elsewhere does not smear), the mean of
+their radiance has the right power. So the map is that of the logarithms, and the power that it
+lacks stands as one lobe where it is brightest: maps as logarithms, lamps as lamps.
+
+A clipped pixel says only how much light there is at least. The estimates' power, less all that is
+known to come from elsewhere, is what lamps must have for things to be lit as the network sees them
+lit; the clipped pixels get it, channel by channel, most where the estimates are bright, too.
+docs/fuse.md has the measurements behind each choice.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from deeplight.camera_response import LUMINANCE
+from deeplight.environment import Environment
+from deeplight.frames import Rotation, turned
+from deeplight.fuse.blend import Seen, blended
+from deeplight.fuse.view import View
+from deeplight.mappings import latlong, mirror_ball, resample
+
+ESTIMATE_ROWS = 64
+"""Rows of the panorama in which estimates are merged; a pixel of theirs is 7 degrees wide."""
+BRIGHTEST = 30.0
+"""So many times the bound's power clipped pixels get at most."""
+_NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
+_LOBE_KAPPA = 20.0  # of the lobe of lost power: 18 degrees
+_FIND_KAPPA = 12.0  # width in which the brightest place is looked for
+_FIND_ROWS = 32
+
+Panorama = Float32[np.ndarray, "height width 3"]
+Gains = Float[np.ndarray, "views 3"]
+
+
+def log_power(view: View) -> Float[np.ndarray, "3"]:
+    """ln of the estimate's mean radiance over all directions, relative to the view's white."""
+    share = mirror_ball.solid_angles(len(view.log_estimate)) / (4 * np.pi)
+    return np.log(np.einsum("ij,ijc->c", share, np.exp(view.log_estimate.astype(np.float64))))
+
+
+def environment_of(
+    views: Sequence[View],
+    log_gain: Gains,
+    trust: Float[np.ndarray, "views cells"],
+    world_from_frame: Rotation,
+    height: int,
+) -> Environment:
+    """One light out of all views.
+
+    Args:
+        views: in one world.
+        log_gain: of each view, relative to the unit wanted.
+        trust: of each view in each coarse cell of the world.
+        world_from_frame: the frame wanted.
+        height: rows of the panorama.
+    """
+    directions = latlong.directions(height, 2 * height)
+    seen = blended(views, log_gain, trust, turned(directions, world_from_frame))
+    rows = min(ESTIMATE_ROWS, height)
+    coarse = turned(latlong.directions(rows, 2 * rows), world_from_frame)
+    logs, mean = merged(views, log_gain, coarse)
+    if rows < height:
+        logs, mean = (resample.sample_latlong(part, directions) for part in (logs, mean))
+    known = seen.share[..., None]
+    radiance = known * seen.radiance + (1 - known) * logs
+    radiance += _lost_lobe(logs, mean, 1 - seen.share)
+    if seen.clipped.any():
+        radiance = _with_lamps(radiance, mean, seen)
+    return Environment(radiance, np.clip(seen.share, 0, 1))
+
+
+def merged(
+    views: Sequence[View], log_gain: Gains, directions: Panorama
+) -> tuple[Panorama, Panorama]:
+    """All estimates along directions (world): e^(mean of logarithms), and mean of radiance.
+
+    In the first an estimate counts more near where its camera looked; the second is about power,
+    to which all of them contribute alike.
+    """
+    shape, directions = directions.shape, directions.reshape(-1, 3)
+    logs, mean = (np.zeros((len(directions), 3), np.float32) for _ in range(2))
+    weight = np.zeros((len(directions), 1), np.float32)
+    for view, gain in zip(views, log_gain, strict=True):
+        own = turned(directions, view.world_from_camera.T)
+        estimate = ball_at(view.log_estimate, own) - gain.astype(np.float32)
+        near = np.exp(_NEAR * (directions @ view.towards.astype(np.float32) - 1))[:, None]
+        logs += near * estimate
+        weight += near
+        mean += np.exp(estimate)
+    return np.exp(logs / weight).reshape(shape), (mean / len(views)).reshape(shape)
+
+
+def ball_at(
+    ball: Float32[np.ndarray, "size size 3"], directions: Float[np.ndarray, "n 3"]
+) -> Float32[np.ndarray, "n 3"]:
+    """Values of a mirror ball in directions, bilinear; pixels off the disc are not looked at."""
+    size = len(ball)
+    flat = ball.reshape(-1, 3)[mirror_ball.nearest_lit(size)]
+    u, v = mirror_ball.uv_from_directions(directions)
+    column, row = (u + 1) * (size / 2) - 0.5, (1 - v) * (size / 2) - 0.5
+    left, top = np.floor(column).astype(np.int32), np.floor(row).astype(np.int32)
+    right, down = (column - left).astype(np.float32), (row - top).astype(np.float32)
+    result = np.zeros((len(directions), 3), np.float32)
+    for dr, across in ((0, 1 - down), (1, down)):
+        for dc, along in ((0, 1 - right), (1, right)):
+            row_at, column_at = (top + dr).clip(0, size - 1), (left + dc).clip(0, size - 1)
+            result += flat[row_at * size + column_at] * (across * along)[:, None]
+    return result
+
+
+def _lost_lobe(logs: Panorama, mean: Panorama, unseen: Float32[np.ndarray, "h w"]) -> Panorama:
+    """The power that the logarithms' map lacks where nothing was seen, as one lobe there."""
+    height = len(logs)
+    solid_angle = latlong.solid_angles(height, 2 * height).astype(np.float32)
+    weight = unseen * solid_angle
+    lost = np.einsum("hwc,hw->c", np.maximum(mean - logs, 0), weight)
+    if not lost @ LUMINANCE > 0:
+        return np.zeros_like(logs)
+    towards = _brightest(logs * weight[..., None])
+    lobe = np.exp(_LOBE_KAPPA * (latlong.directions(height, 2 * height) @ towards - 1)) * unseen
+    power = float((lobe * solid_angle).sum())
+    if power <= 0:
+        return np.zeros_like(logs)
+    result: np.ndarray = lobe[..., None] * (lost / power).astype(np.float32)
+    return result
+
+
+def _brightest(power: Panorama) -> Float32[np.ndarray, "3"]:
+    """The direction round which most of the power lies."""
+    rows = min(_FIND_ROWS, len(power))
+    coarse = resample.shrink(power, rows, 2 * rows).reshape(-1, 3) @ LUMINANCE.astype(np.float32)
+    directions = latlong.directions(rows, 2 * rows).reshape(-1, 3)
+    near = np.exp(_FIND_KAPPA * (directions @ directions.T - 1))
+    return directions[int((near @ coarse).argmax())]
+
+
+def _with_lamps(radiance: Panorama, mean: Panorama, seen: Seen) -> Panorama:
+    """Clipped pixels with the power that the estimates have and nothing else explains."""
+    height = len(radiance)
+    solid_angle = latlong.solid_angles(height, 2 * height)
+    whole = np.einsum("hwc,hw->c", mean, solid_angle)
+    power = np.einsum("hwc,hw->c", radiance, solid_angle)
+    bound = np.einsum("hwc,hw->c", radiance, solid_angle * seen.clipped)
+    missing = np.maximum(whole - power, 0)
+    total = float((whole - power) @ LUMINANCE)
+    if total <= 0 or not missing.any():
+        return radiance
+    total = min(total, BRIGHTEST * float(bound @ LUMINANCE))
+    share = np.where(seen.clipped, (radiance @ LUMINANCE) * (mean @ LUMINANCE) ** 2, 0)
+    share = share / (share * solid_angle).sum()
+    colour = missing / (missing @ LUMINANCE)
+    result: np.ndarray = radiance + share[..., None] * (colour * total)
+    return result.astype(np.float32)

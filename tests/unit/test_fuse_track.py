@@ -1,0 +1,67 @@
+"""Rotations from pictures alone, of pans whose rotations are known."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+cv2 = pytest.importorskip("cv2")
+
+from deeplight.frames import world_from_camera  # noqa: E402
+from deeplight.fuse.poses import angle_between  # noqa: E402
+from deeplight.fuse.track import Tracked, track  # noqa: E402
+from lab.pans import Pan, Sweep, Troubles, film_pan  # noqa: E402
+
+FOV = float(np.radians(66))
+
+
+@lru_cache
+def pan() -> Pan:
+    """A turn of 15 pictures through a place full of things of all sizes and colours."""
+    rng = np.random.default_rng(3)
+    place = np.full((256, 512, 3), 0.3, np.float32)
+    for size in np.geomspace(60, 3, 900):
+        centre = (int(rng.integers(512)), int(rng.integers(40, 216)))
+        axes = (int(size * rng.uniform(0.3, 1)), int(size * rng.uniform(0.3, 1)))
+        colour = rng.uniform(0.02, 0.9, 3).tolist()
+        cv2.ellipse(place, centre, axes, rng.uniform(0, 180), 0, 360, colour, -1)
+    troubles = Troubles(people=2, blur_rad=0.004)
+    return film_pan(place, Sweep(15), troubles, np.random.default_rng(1), (320, 180))
+
+
+def errors(found: Tracked, truth: Pan) -> np.ndarray:
+    first = truth.frames[min(found.rotations)].rotation
+    return np.degrees(
+        [
+            angle_between(first.T @ truth.frames[k].rotation, turn)
+            for k, turn in found.rotations.items()
+        ]
+    )
+
+
+def test_a_full_turn_closes() -> None:
+    found = track([frame.pixels for frame in pan().frames], FOV, fov_known=True)
+    assert len(found.rotations) == 15
+    assert errors(found, pan()).max() < 0.5
+
+
+def test_the_field_of_view_is_refined() -> None:
+    found = track([frame.pixels for frame in pan().frames], float(np.radians(58)), fov_known=False)
+    assert abs(np.degrees(found.vertical_fov_rad) - 66) < 1
+    assert errors(found, pan()).max() < 1
+
+
+def test_a_picture_from_elsewhere_is_not_placed() -> None:
+    pictures = [frame.pixels for frame in pan().frames[:5]]
+    pictures.insert(2, np.random.default_rng(0).integers(0, 255, (320, 180, 3)).astype(np.uint8))
+    assert sorted(track(pictures, FOV, fov_known=True).rotations) == [0, 1, 3, 4, 5]
+
+
+def test_blank_pictures_place_nothing() -> None:
+    assert track([np.full((320, 180, 3), 120, np.uint8)] * 3, FOV, fov_known=True).rotations == {}
+
+
+def test_the_error_measure_sees_a_wrong_rotation() -> None:
+    found = track([frame.pixels for frame in pan().frames[:4]], FOV, fov_known=True)
+    turned = {k: turn @ world_from_camera(0.05 * k) for k, turn in found.rotations.items()}
+    assert errors(Tracked(turned, FOV, 0.0), pan()).max() > 5
