@@ -49,9 +49,9 @@ class Lighting:
         camera_from_latlong: Rotation | None = None,
         size: int = LIGHTING_SIZE,
     ) -> Self:
-        """From an equirectangular panorama, by area averages."""
+        """From an equirectangular panorama, by area averages; its power is kept exactly."""
         turn = np.eye(3) if camera_from_latlong is None else camera_from_latlong
-        return cls(resample.ball_from_latlong(radiance, size, turn))
+        return cls(resample.ball_from_latlong(radiance, size, turn, exact_power=True))
 
     @property
     def size(self) -> int:

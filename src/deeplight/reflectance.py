@@ -47,7 +47,7 @@ class ReflectanceBasis:
         """The sphere in white light of radiance 1: its certificate."""
         return self.weights.sum(axis=1).reshape(self.view.size, self.view.size)
 
-    def turned(self, view: SphereView) -> Self:
+    def turned(self, view: SphereView, light_size: int | None = None) -> Self:
         """The basis of the same sphere in another place of the picture.
 
         A sphere looks the same from every side, so only its light turns: the weight of a new
@@ -56,18 +56,23 @@ class ReflectanceBasis:
         angular radius is taken as it is: `view.angular_radius_rad` should not differ by more
         than a few degrees.
 
+        Args:
+            light_size: pixels along the new lighting's ball; left out, as many as now.
+
         Raises:
             ShapeError: `view` has another size.
         """
         if view.size != self.view.size:
             got = f"{view.size} x {view.size}"
             raise ShapeError(f"a view of {self.view.size} x {self.view.size}", got, "keep the size")
+        new_size = light_size or self.light_size
         old_from_new = self.view.ball_from_camera.T @ view.ball_from_camera
         density = self.weights / np.maximum(mirror_ball.solid_angles(self.light_size).ravel(), 1e-9)
-        weights = (density @ _shared(self.light_size, old_from_new)).astype(np.float32)
+        weights = density @ _shared(self.light_size, new_size, old_from_new)
+        weights = weights.astype(np.float32)
         before, after = (w.sum(axis=1, keepdims=True) for w in (self.weights, weights))
         weights *= np.divide(before, after, out=np.zeros_like(after), where=after > 0)
-        return type(self)(weights, view, self.light_size)
+        return type(self)(weights, view, new_size)
 
 
 def analytic_basis(
@@ -139,15 +144,18 @@ def _matte_silver(view: SphereView, light_size: int) -> np.ndarray:
     )
 
 
-def _shared(light_size: int, old_from_new: Rotation) -> Float[np.ndarray, "lights lights"]:
+def _shared(
+    old_size: int, new_size: int, old_from_new: Rotation
+) -> Float[np.ndarray, "old_lights new_lights"]:
     """Solid angle that each old pixel of light (row) shares with each new one (column)."""
-    directions, inside = mirror_ball.subpixels(light_size, 8)
-    old = mirror_ball.pixel_of_directions(frames.turned(directions, old_from_new), light_size)
-    new = np.broadcast_to(np.arange(light_size**2)[:, None], old.shape)
+    directions, inside = mirror_ball.subpixels(new_size, 8 * max(1, -(-old_size // new_size)))
+    old = mirror_ball.pixel_of_directions(frames.turned(directions, old_from_new), old_size)
+    new = np.broadcast_to(np.arange(new_size**2)[:, None], old.shape)
     share = inside / np.maximum(inside.sum(axis=1, keepdims=True), 1)
-    solid_angle = share * mirror_ball.solid_angles(light_size).reshape(-1, 1)
-    index = old.astype(np.int64) * light_size**2 + new
-    return np.bincount(index.ravel(), solid_angle.ravel(), light_size**4).reshape(light_size**2, -1)
+    solid_angle = share * mirror_ball.solid_angles(new_size).reshape(-1, 1)
+    index = old.astype(np.int64) * new_size**2 + new
+    total = np.bincount(index.ravel(), solid_angle.ravel(), old_size**2 * new_size**2)
+    return total.reshape(old_size**2, -1)
 
 
 def _light_samples(light_size: int) -> tuple[np.ndarray, np.ndarray]:

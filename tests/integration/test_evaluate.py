@@ -3,8 +3,10 @@
 import csv
 import json
 import re
+import shutil
 import tomllib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +32,14 @@ from deeplight.evaluate.baselines.baseline import ConstantLighting
 from deeplight.evaluate.baselines.best_constant import best_constant
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for
 from deeplight.evaluate.baselines.training_pixels import RigPixels
+from deeplight.evaluate.figures.spheres import answer_column, filmed_column
 from deeplight.frames import world_from_camera
+from deeplight.io.basis_file import save_bases
 from deeplight.io.photos import decode_rgb, encode_jpeg
 from deeplight.io.radiance import write_exr
-from deeplight.reflectance import rig_bases
+from deeplight.reflectance import ReflectanceBasis, analytic_basis, rig_bases
 from deeplight.sphere import PAPER_RIG
+from toy_data import write_toy_data
 
 SPLITS = {"train": 20, "seen_indoor": 4, "val_indoor": 20, "val_outdoor": 9}
 
@@ -132,6 +137,75 @@ def test_who_knows_the_light_beats_who_does_not(
     assert mean_l1(report, "best_constant") > 0.03
     assert report.scores["deeplight"].relative_radiance == pytest.approx(0, abs=0.02)
     assert report.keys == data.index("val").keys
+
+
+def rough(material: str) -> ReflectanceBasis:
+    """The basis of a rougher sphere than the analytic one: its light spread over neighbours."""
+    basis = analytic_basis(material, PAPER_RIG.views[material])
+    weights = basis.weights.reshape(-1, 32, 32)
+    blurred = sum(np.roll(weights, (i, j), (1, 2)) for i in (-2, 0, 2) for j in (-2, 0, 2)) / 9
+    return ReflectanceBasis(blurred.reshape(basis.weights.shape), basis.view, 32)
+
+
+def test_measured_spheres_are_scored_and_drawn_as_measured(data: DataSet, tmp_path: Path) -> None:
+    """True light renders a rougher silver as it was filmed only with that sphere's basis."""
+    silver = rough("matte_silver")
+    light = np.log(np.random.default_rng(0).gamma(0.3, 1, (32, 32, 3)) + 0.01).astype(np.float32)
+
+    def filmed(job: ShardJob) -> Iterator[Example]:
+        bases = rig_bases(PAPER_RIG) | {"matte_silver": silver}
+        for example in examples_of(job):
+            shown = scoring.rendered_radiance(bases, light[None])
+            spheres = {
+                name: np.floor(encode(soft_clip(r[0])) * 255 + 0.5).astype(np.uint8)
+                for name, r in shown.items()
+            }
+            truth = None if job.split == "train" else np.exp(light)
+            yield replace(example, spheres=spheres, true_lighting=truth)
+
+    folder = write_toy_data(tmp_path / "data", {"train": 6, "val_indoor": 4}, filmed)
+    save_bases(tmp_path / "measured.npz", {"matte_silver": silver}, {})
+    analytic = open_dataset(folder)
+    measured = analytic.with_bases(tmp_path / "measured.npz")
+    assert analytic.bases_sha256 == "analytic"
+    shutil.copy(tmp_path / "measured.npz", folder / "bases.npz")
+    travelling = open_dataset(folder)
+    assert measured.bases_sha256 == travelling.bases_sha256 != "analytic"
+    error = {}
+    for name, one in (("analytic", analytic), ("measured", measured), ("travels", travelling)):
+        own = ConstantLighting("own", light)
+        report = measuring.evaluate([own, *baselines_for(one, "val")], one, "val")
+        error[name] = report.scores["true_lighting"].l1["matte_silver"].mean()
+        shown = answer_column(report, one, 0, "own")
+        differs = np.abs(shown.astype(int) - filmed_column(one.index("val")[0], one)).mean()
+        assert (differs < 0.3) == (name != "analytic")
+    assert error["measured"] == error["travels"] < 0.003
+    assert error["analytic"] > 3 * error["measured"]
+    best = {one.bases_sha256: baselines_for(one, "val")[1] for one in (analytic, measured)}
+    assert np.abs(np.diff([b.log_radiance for b in best.values()], axis=0)).max() > 0.01
+
+
+def test_the_true_light_ranks_first_against_itself_where_film_clips(tmp_path: Path) -> None:
+    """The filmed diffuse sphere is white all over: against it the true light looks too bright."""
+    bright = np.full((32, 32, 3), np.log(8.0), np.float32)
+
+    def filmed(job: ShardJob) -> Iterator[Example]:
+        for example in examples_of(job):
+            spheres = {name: np.full((32, 32, 3), 255, np.uint8) for name in example.spheres}
+            yield replace(example, spheres=spheres, true_lighting=np.exp(bright))
+
+    data = open_dataset(write_toy_data(tmp_path, {"val_indoor": 4}, filmed))
+    dim = ConstantLighting("dim", np.full((32, 32, 3), np.log(2.9), np.float32))
+    report = measuring.evaluate([dim], data, "val")
+    columns = {name: scores.metrics() for name, scores in report.scores.items()}
+    film, true = (
+        {name: column[metric].mean() for name, column in columns.items()}
+        for metric in ("radiance_absolute", "true_radiance_absolute")
+    )
+    assert film["true_lighting"] > 1 > film["dim"]
+    assert true["true_lighting"] == pytest.approx(0, abs=1e-6)
+    assert true["dim"] == pytest.approx(1 - 2.9 / 8, abs=1e-3)
+    np.testing.assert_allclose(columns["dim"]["true_radiance_red"], 2.9 / 8 - 1, rtol=1e-3)
 
 
 def test_a_sample_is_spread_over_the_split(data: DataSet) -> None:

@@ -46,6 +46,20 @@ def test_for_a_rig_all_three_spheres_come_out(tmp_path: Path) -> None:
     assert np.abs(turned - analytic_basis("diffuse", view).weights).max() > 5e-4  # it did turn
 
 
+def test_for_light_of_another_size_a_basis_renders_the_same(tmp_path: Path) -> None:
+    """Light that is constant over 4 x 4 pixels of the measured size is the coarser light."""
+    coarse = np.random.default_rng(1).random((8, 8)).astype(np.float32)
+    view = PAPER_RIG.views["diffuse"]
+    save_bases(tmp_path / "b.npz", {"diffuse": analytic_basis("diffuse", view)}, {})
+    fine = load_bases(tmp_path / "b.npz", PAPER_RIG)["diffuse"]
+    other = load_bases(tmp_path / "b.npz", PAPER_RIG, light_size=8)["diffuse"]
+    assert other.light_size == 8
+    shown = fine.weights @ coarse.repeat(4, 0).repeat(4, 1).ravel()
+    np.testing.assert_allclose(other.weights @ coarse.ravel(), shown, atol=0.004)
+    turned = load_bases(tmp_path / "b.npz", PAPER_RIG.mirrored(), light_size=8)["diffuse"]
+    assert np.abs(turned.weights @ coarse.ravel() - shown).max() > 0.01  # the twin
+
+
 @pytest.mark.parametrize("kind", ["pickle", "no zip", "truncated", "no basis", "NaN", "shape"])
 def test_a_broken_file_is_told(saved: Path, kind: str) -> None:
     arrays = dict(np.load(saved))

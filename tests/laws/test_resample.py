@@ -11,6 +11,8 @@ What "a one-pixel sun keeps its irradiance within 2 %" means here, and where it 
   and the plane loses up to 12 %; no resampling can avoid that, only a larger ball.
 """
 
+from collections.abc import Iterator
+
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -175,6 +177,55 @@ def test_a_lone_ball_pixel_keeps_its_power_in_latlong_and_cube(row_column) -> No
     np.testing.assert_allclose(boxed, light.power(), rtol=0.11)
     assert (panorama >= 0).all()
     assert (faces >= 0).all()
+
+
+SIZES = (32, 64, 100, 128, 256, 512)
+
+
+def lone_suns(height: int, rng: np.random.Generator) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Panoramas of even light with one brighter texel each, the last ones straight ahead."""
+    towards = frames.normalised(rng.normal(size=(12, 3)))
+    towards[-4:] = frames.normalised([0, 0, -1] + 0.1 * towards[-4:])
+    for row, column in zip(*latlong.position(towards, height, 2 * height), strict=True):
+        texel = (int(np.clip(np.round(row), 0, height - 1)), int(np.round(column)) % (2 * height))
+        panorama = np.full((height, 2 * height, 3), 0.02, np.float32)
+        panorama[texel] = 5000
+        yield panorama, latlong.directions(height, 2 * height)[texel]
+
+
+def power_of(panorama: np.ndarray) -> np.ndarray:
+    solid_angle = latlong.solid_angles(*panorama.shape[:2])[..., None]
+    return (panorama.astype(np.float64) * solid_angle).sum((0, 1))
+
+
+@pytest.mark.parametrize("height", SIZES)
+def test_a_sun_of_one_texel_keeps_power_and_place_from_any_size(
+    height: int, rng: np.random.Generator
+) -> None:
+    """Its power exactly, its direction within half a texel of the panorama and a pixel's width."""
+    for panorama, towards in lone_suns(height, rng):
+        lighting = Lighting.from_latlong(panorama)
+        np.testing.assert_allclose(lighting.power(), power_of(panorama), rtol=1e-4)
+        above = (lighting.radiance[..., 0] - 0.02) * mirror_ball.solid_angles(32)
+        centre = np.einsum("ij,ijk->k", above, mirror_ball.pixel_directions(32))
+        off = np.degrees(np.arccos(np.clip(frames.normalised(centre) @ towards, -1, 1)))
+        pixel = np.unravel_index(np.argmax(above), above.shape)
+        assert off < 90 / height + 8 + 25 * (np.hypot(*(np.array(pixel) / 15.5 - 1)) > 0.95)
+
+
+def test_without_exact_power_such_a_sun_is_misstated(rng: np.random.Generator) -> None:
+    """The twin."""
+    errors = []
+    for height in (64, 128):
+        for panorama, _ in lone_suns(height, rng):
+            ball = resample.ball_from_latlong(panorama, 32)[..., 0] * mirror_ball.solid_angles(32)
+            errors.append(abs(ball.sum() / power_of(panorama)[0] - 1))
+    assert max(errors) > 0.02
+
+
+def test_exact_power_leaves_an_even_panorama_even() -> None:
+    ball = resample.ball_from_latlong(np.full((50, 100, 3), 0.7, np.float32), 32, exact_power=True)
+    np.testing.assert_allclose(ball[mirror_ball.coverage(32) > 0], 0.7, rtol=1e-5)
 
 
 def test_total_power_of_any_ball_is_kept_in_latlong_and_cube(rng: np.random.Generator) -> None:

@@ -31,8 +31,19 @@ def test_a_median_resamples_places_too() -> None:
     places = np.repeat(np.arange(5), 20)
     found = PlaceBootstrap(places, 500).median(places.astype(float))
     assert (found.value, found.low, found.high) == (2, 0, 4) or (found.low, found.high) == (1, 3)
-    one = PlaceBootstrap(np.zeros(100), 500).median(np.random.default_rng(0).normal(size=100))
-    assert one.low == one.value == one.high
+
+
+def test_one_place_has_a_number_and_no_interval() -> None:
+    values = np.random.default_rng(0).normal(size=100)
+    one = PlaceBootstrap(np.zeros(100), 500)
+    for found in (one.mean(values), one.median(values), one.ratio(values, values + 5)):
+        assert np.isfinite(found.value)
+        assert found.of_one_place
+    two = PlaceBootstrap(np.arange(100) % 2, 500)
+    assert not two.mean(values).of_one_place
+    # The other place has no value: as good as one place.
+    assert two.mean(np.where(np.arange(100) % 2, values, np.nan)).of_one_place
+    assert not one.mean(np.full(100, np.nan)).of_one_place  # there is nothing at all
 
 
 def test_values_without_a_number_are_left_out() -> None:

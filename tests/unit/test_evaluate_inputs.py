@@ -45,6 +45,11 @@ def test_models_go_by_the_name_given_or_that_of_their_run(runs: Path) -> None:
     assert names(str(runs)) == ["diffuse", "mirror-model", "mirror-second"]
 
 
+def test_a_users_model_is_named_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "mine.onnx").write_bytes(shipped_model().read_bytes())
+    assert names(str(tmp_path / "mine.onnx")) == ["mine"]
+
+
 def test_a_run_without_its_record_is_refused(runs: Path) -> None:
     (runs / "mirror" / "run.toml").unlink()
     with pytest.raises(ModelError, match=r"run\.toml"):
@@ -115,13 +120,14 @@ def test_an_upright_panorama_is_turned_by_the_cameras_elevation(tmp_path: Path) 
     assert (brightest(f"other={tmp_path}") == up).all()
 
 
-def test_energy_is_kept_from_a_large_panorama(tmp_path: Path) -> None:
-    radiance = np.full((512, 1024, 3), 0.5, np.float32)
-    radiance[100, 300] = 40_000  # a sun of one texel
+@pytest.mark.parametrize("height", [32, 64, 128, 512])
+def test_energy_is_kept_from_a_panorama_of_any_size(tmp_path: Path, height: int) -> None:
+    radiance = np.full((height, 2 * height, 3), 0.5, np.float32)
+    radiance[height // 5, height // 2] = 40_000  # a sun of one texel
     write_exr(tmp_path / "k.exr", radiance)
-    lighting = panorama_estimates([f"other={tmp_path}"])[0].lighting("k")
-    wanted = (latlong.solid_angles(512, 1024)[..., None] * radiance).sum((0, 1))
-    assert lighting.power() == pytest.approx(wanted, rel=0.03)
+    lighting = panorama_estimates([f"other={tmp_path},17"])[0].lighting("k")
+    wanted = (latlong.solid_angles(height, 2 * height)[..., None] * radiance).sum((0, 1))
+    assert lighting.power() == pytest.approx(wanted, rel=1e-3)
 
 
 @pytest.mark.parametrize("item", ["other", "=folder", "other=", "other={here},95"])

@@ -26,6 +26,8 @@ class Args:
     """FILE.onnx, NAME=FILE.onnx or a folder of training runs; left out, deeplight's own model."""
     panoramas: Repeated = ()
     """Other methods: NAME=FOLDER of HDR panoramas named by key, or NAME=FOLDER,ELEVATION_DEG."""
+    bases: Path | None = None
+    """Measured reflectance bases of the spheres; left out, the data set's bases.npz or analytic."""
     out: Path | None = None
     """Folder for the report and all files."""
     examples: int | None = None
@@ -47,7 +49,7 @@ def run(args: Args) -> None:
     from deeplight.evaluate.tables import all_tables
     from deeplight.io.atomic import results_folder
 
-    data = opened(args.data, args.benchmark, args.hdri)
+    data = opened(args.data, args.benchmark, args.hdri, args.bases)
     methods = flat(args.model), flat(args.panoramas)
     wanted = Wanted(data, args.split, *methods, args.examples, args.three_spheres, args.with_photo)
     with results_folder(args.out) if args.out else nullcontext():  # told before any work

@@ -3,7 +3,7 @@
 import mmap
 import tarfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,13 @@ from deeplight.dataset.remote import Remote, is_address
 from deeplight.dataset.shards import COLUMNS, ShardIndex, extents_in, index_path, sha256_of
 from deeplight.dataset.splits import TRAINING_SPLITS, splits_named
 from deeplight.errors import DataSetError
+from deeplight.io.basis_file import load_bases
+from deeplight.lighting import LIGHTING_SIZE
+from deeplight.reflectance import ReflectanceBasis, rig_bases
 from deeplight.sphere import Rig
 
+BASES = "bases.npz"
+"""The file of measured reflectance bases that travels with a data set of filmed spheres."""
 _MAKE = "make one with `deeplight simulate --hdri FOLDER --out {folder}`"
 
 
@@ -106,11 +111,19 @@ class SplitIndex:
 
 @dataclass(frozen=True)
 class DataSet:
-    """A finished data set in a folder, or at an address with copies in a folder."""
+    """A finished data set in a folder, or at an address with copies in a folder.
+
+    Attributes:
+        other_bases: a file of measured reflectance bases to use instead of the data set's own.
+    """
 
     folder: Path
     manifest: Manifest
     remote: Remote | None = None
+    other_bases: Path | None = None
+    _bases: dict[tuple[str, int], dict[str, ReflectanceBasis]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @property
     def address(self) -> str:
@@ -126,6 +139,46 @@ class DataSet:
     def rigs(self) -> Mapping[str, Rig]:
         """Where the spheres sit, by the rig name in each example's metadata."""
         return {name: Rig.from_dict(dict(rig)) for name, rig in self.manifest.rigs.items()}
+
+    @cached_property
+    def bases_file(self) -> Path | None:
+        """The measured reflectance bases of its spheres; None where they are analytic."""
+        if self.other_bases is not None:
+            return self.other_bases
+        own = self.folder / BASES
+        if self.remote is not None:
+            self.remote.optional(BASES)
+        return own if own.is_file() else None
+
+    @property
+    def bases_sha256(self) -> str:
+        """Names the bases that `bases` gives; "analytic" without measured ones."""
+        return "analytic" if self.bases_file is None else sha256_of(self.bases_file)
+
+    def bases(self, rig: str, light_size: int = LIGHTING_SIZE) -> dict[str, ReflectanceBasis]:
+        """The reflectance basis of each of a rig's spheres: measured if there are any.
+
+        Raises:
+            DataSetError: the file of bases is damaged.
+        """
+        wanted = (rig, light_size)
+        if wanted not in self._bases:
+            file = self.bases_file
+            self._bases[wanted] = (
+                load_bases(file, self.rigs[rig], light_size)
+                if file
+                else rig_bases(self.rigs[rig], light_size)
+            )
+        return self._bases[wanted]
+
+    def with_bases(self, file: Path) -> "DataSet":
+        """The same data set, its spheres those of another file of bases.
+
+        Raises:
+            OSError, DataSetError: it cannot be read, or is no file of bases.
+        """
+        load_bases(file)
+        return DataSet(self.folder, self.manifest, self.remote, file)
 
     @property
     def manifest_sha256(self) -> str:

@@ -70,6 +70,17 @@ class Remote:
                 _copy(f"{self.address}/{path.name}", temporary)
         return path
 
+    def optional(self, name: str) -> None:
+        """Copy a file that a data set may have; nothing happens where it has none.
+
+        Raises:
+            DataSetError: it cannot be reached.
+        """
+        path = self.folder / name
+        if not path.is_file() and _exists(f"{self.address}/{name}"):
+            with replacing(path) as temporary:
+                _copy(f"{self.address}/{name}", temporary)
+
 
 def cache() -> Path:
     """The folder that keeps copies of data sets."""
@@ -86,6 +97,16 @@ def _read(address: str) -> bytes:
         with fsspec.open(address, "rb") as file:
             content: bytes = file.read()
             return content
+    except Exception as error:  # each protocol's library has its own kinds
+        raise _unreachable(address, error) from error
+
+
+def _exists(address: str) -> bool:
+    import fsspec
+
+    try:
+        system, path = fsspec.core.url_to_fs(address)
+        return bool(system.exists(path))
     except Exception as error:  # each protocol's library has its own kinds
         raise _unreachable(address, error) from error
 

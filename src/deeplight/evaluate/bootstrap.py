@@ -18,7 +18,10 @@ Values = Float64[np.ndarray, " examples"]
 
 @dataclass(frozen=True)
 class Interval:
-    """A number and its 95 % interval over resampled places; NaN where it is not defined."""
+    """A number and its 95 % interval over resampled places; NaN where it is not defined.
+
+    Of one place nothing can be resampled: the number stands without an interval, which is NaN.
+    """
 
     value: float
     low: float
@@ -26,6 +29,11 @@ class Interval:
 
     def __contains__(self, number: float) -> bool:
         return self.low <= number <= self.high
+
+    @property
+    def of_one_place(self) -> bool:
+        """Whether there is a number but no interval."""
+        return bool(np.isfinite(self.value) and np.isnan(self.low))
 
 
 NOTHING = Interval(float("nan"), float("nan"), float("nan"))
@@ -75,8 +83,7 @@ class PlaceBootstrap:
             _medians(ranked, self._times[first : first + step, place])
             for first in range(0, len(self._times), step)
         ]
-        low, high = np.nanpercentile(np.concatenate(drawn), (2.5, 97.5))
-        return Interval(float(whole), float(low), float(high))
+        return self._interval(float(whole), np.concatenate(drawn), len(np.unique(place)))
 
     def _quotient(
         self, above: Values, below: Values, defined: Bool[np.ndarray, " examples"]
@@ -88,8 +95,15 @@ class PlaceBootstrap:
         with np.errstate(divide="ignore", invalid="ignore"):
             drawn = (self._times @ tops) / (self._times @ bottoms)
         # A draw of nothing but places without a value has no quotient.
+        places = int(np.count_nonzero(self._by_place(np.ones(len(below)), defined)))
+        return self._interval(float(tops.sum() / bottoms.sum()), drawn, places)
+
+    @staticmethod
+    def _interval(value: float, drawn: Float64[np.ndarray, " draws"], places: int) -> Interval:
+        if places < 2:
+            return Interval(value, float("nan"), float("nan"))
         low, high = np.nanpercentile(drawn, (2.5, 97.5))
-        return Interval(float(tops.sum() / bottoms.sum()), float(low), float(high))
+        return Interval(value, float(low), float(high))
 
     def _by_place(self, values: Values, defined: Bool[np.ndarray, " examples"]) -> np.ndarray:
         return np.bincount(self._place_of, np.where(defined, values, 0.0), self.places)

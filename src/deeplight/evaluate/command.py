@@ -44,13 +44,22 @@ class Evaluation:
     models: list[NamedModel]
 
 
-def opened(place: Path | str, benchmark: str | None = None, hdri: Path | None = None) -> DataSet:
+def opened(
+    place: Path | str,
+    benchmark: str | None = None,
+    hdri: Path | None = None,
+    bases: Path | None = None,
+) -> DataSet:
     """Open a data set in a folder or at an address, or the one of a benchmark in a folder.
 
+    Args:
+        bases: measured reflectance bases of its spheres; left out, those that travel with it.
+
     Raises:
-        InputError: there is none, or what `benchmark_data` raises.
+        InputError: there is none, or what `benchmark_data` and `DataSet.with_bases` raise.
     """
-    return benchmark_data(benchmark, hdri, Path(place)) if benchmark else open_dataset(place)
+    data = benchmark_data(benchmark, hdri, Path(place)) if benchmark else open_dataset(place)
+    return data.with_bases(bases) if bases else data
 
 
 def evaluation(

@@ -89,6 +89,7 @@ def _facts(
     return {
         "examples": len(reports[0].keys),
         "data_manifest_sha256": data.manifest_sha256,
+        "reflectance_bases": data.bases_sha256,
         "bootstrap_seed": SEED,
         "bootstrap_resamples": RESAMPLES,
         "models": {model.name: model.facts for model in models},

@@ -1,5 +1,6 @@
 """The networks of an evaluation, each under the name that tables call it."""
 
+import contextlib
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ from deeplight.camera import BACKGROUND_FRACTION, TRAINED_VERTICAL_FOV_RAD
 from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError, ModelError
 from deeplight.estimators.network import NetworkEstimator
+from deeplight.estimators.onnx import shipped_model
 from deeplight.estimators.open import open_model
 from deeplight.estimators.protocol import PhotoLike
 from deeplight.lighting import Lighting
@@ -77,9 +79,17 @@ def named_models(given: Sequence[str]) -> list[NamedModel]:
         if Path(path).is_dir():
             models += [NamedModel(own, open_model(file)) for own, file in _runs(Path(path), name)]
         else:
-            own = name or ("deeplight" if len(given) == 1 else Path(path).stem)
+            own = name or _own_name(Path(path))
             models.append(NamedModel(own, open_model(path)))
     return models
+
+
+def _own_name(path: Path) -> str:
+    """The file's name without its ending; the model of the package is "deeplight" by any path."""
+    with contextlib.suppress(OSError):
+        if path.samefile(shipped_model()):
+            return "deeplight"
+    return path.stem
 
 
 def _runs(folder: Path, name: str) -> list[tuple[str, Path]]:

@@ -24,7 +24,7 @@ class Pictures:
     """The figures of one split.
 
     Attributes:
-        radiance: box plots by kind of scene.
+        radiance: box plots by kind of scene, and by `<scene>_true` against the true light.
         worst: what each shows, and the picture.
     """
 
@@ -55,13 +55,20 @@ def drawn(result: SplitResult, data: DataSet) -> Pictures:
         percentile_figure(report, data, few, first),
         comparison_figure(report, data, everyone[:MOST_COLUMNS], first),
         temporal_figure(report, data, result.changes, few, first),
-        {
-            scene: radiance_figure(report, list(report.scores)[:MOST_COLUMNS], scene)
-            for scene in SCENES
-            if report.inside(scene).any()
-        },
+        _radiance_figures(result),
         worst,
     )
+
+
+def _radiance_figures(result: SplitResult) -> dict[str, Picture]:
+    report = result.report
+    names, found = list(report.scores)[:MOST_COLUMNS], {}
+    for scene in SCENES:
+        if report.inside(scene).any():
+            found[scene] = radiance_figure(report, names, scene)
+            if result.knows_light:
+                found[f"{scene}_true"] = radiance_figure(report, names, scene, "true")
+    return found
 
 
 def report_page(
@@ -94,7 +101,8 @@ def _split(result: SplitResult, shown: Pictures) -> Iterator[Block]:
     yield from tables.sphere_tables(result)
     yield Heading(f"{split}: how bright")
     for scene, picture in shown.radiance.items():
-        alt = f"Box plots of the relative radiance error, {scene}, by estimator and channel"
+        named = scene.replace("_true", ", against the true light")
+        alt = f"Box plots of the relative radiance error by estimator and channel, {named}"
         yield Figure(picture, width_px=picture.shape[1] // 2, alt=alt, exact=True)
     yield Paragraph(tables.RADIANCE)
     if result.knows_light:

@@ -22,6 +22,7 @@ MEASURES = {
 LIGHT = {
     "energy_stops": "energy, stops (mean)",
     "energy_stops_absolute": "|energy|, stops",
+    "true_radiance_absolute": "|radiance|, diffuse",
     "direction_deg": "direction, °",
     "intensity_stops": "light, stops (mean)",
     "intensity_stops_absolute": "|light|, stops",
@@ -30,7 +31,7 @@ LIGHT = {
     "linear_mirror": "linear m",
     "mirror_detail": "detail m",
 }
-_FIRST_LIGHT = 5  # columns of the first of the two tables
+_FIRST_LIGHT = 6  # columns of the first of the two tables
 HOW_TO_READ = (
     "Lower is better. L1 is the mean absolute difference of pixel values, 0 to 1, between a "
     "filmed sphere and one rendered in the estimated light, over the pixels that show nothing but"
@@ -42,7 +43,8 @@ HOW_TO_READ = (
 RADIANCE = (
     "Sum over the linear diffuse sphere against the filmed one; boxes hold the middle half, "
     "whiskers end within 1.5 box lengths, and those that reach +3 go on. Where the filmed sphere "
-    "is clipped the truth is brighter than its pixels, so even the true light lies above 0."
+    "is clipped the truth is brighter than its pixels, so even the true light lies above 0: where "
+    "the true light is known, the second plot compares with the sphere rendered in it."
 )
 FLICKER = (
     "Change between neighbouring frames of a take after turning the light by the camera's known "
@@ -53,10 +55,11 @@ FLICKER = (
 LIGHT_MEANING = (
     "Energy is the power from all directions, light the irradiance of the one dominant light, both "
     "as log2(estimated / true); direction is the angle between the dominant lights. Medians but "
-    "where the head says mean. Linear errors are of the spheres before the camera clips them, sum "
-    "|difference| over sum: the mirror's is nearly the sun's one pixel, so it is not to be read "
-    "alone. Detail is how sharp the rendered mirror sphere is, 1 as sharp as the filmed one: "
-    "higher is sharper, right or wrong."
+    "where the head says mean. |radiance| is the relative error of the diffuse sphere's sum "
+    "against that in true light, mean over channels. Linear errors are of the spheres before the "
+    "camera clips them, sum |difference| over sum: the mirror's is nearly the sun's one pixel, so "
+    "it is not to be read alone. Detail is how sharp the rendered mirror sphere is, 1 as sharp as "
+    "the filmed one: higher is sharper, right or wrong."
 )
 PROTOCOL = (
     "As published, panoramas are tone-mapped (x^(1/2.4), median to 0.5) before rendering and "
@@ -127,6 +130,7 @@ def made_of(facts: Mapping[str, Any]) -> Iterator[Block]:
         yield Table(["model", "file", "trained on", "sha256"], rows)
     yield Paragraph(
         f"Data set manifest {facts['data_manifest_sha256'][:16]}; "
+        f"reflectance bases {facts['reflectance_bases'][:16]}; "
         f"{facts['bootstrap_resamples']} resamples of places, seed {facts['bootstrap_seed']}. "
         "run.toml beside this file has versions and settings."
     )
@@ -154,11 +158,15 @@ def _table_1(result: SplitResult) -> Table:
 
 
 def _table_2(result: SplitResult, scene: str) -> Table:
+    metrics = [*MEASURES, "radiance_absolute"]
+    head = ["", *MEASURES.values(), "radiance error"]
+    if result.knows_light:
+        metrics.append("true_radiance_absolute")
+        head.append("against true light")
     rows = [
-        [name, *(_spread(result.find(name, scene, m), m) for m in (*MEASURES, "radiance_absolute"))]
+        [name, *(_spread(result.find(name, scene, m), m) for m in metrics)]
         for name in result.report.scores
     ]
-    head = ["", *MEASURES.values(), "radiance error"]
     return Table(head, rows, f"{scene}: mean ± standard deviation over examples (95 % interval).")
 
 
@@ -212,6 +220,8 @@ def interval(found: Interval, digits: int) -> str:
 
 def _span(found: Interval, digits: int) -> str:
     """The interval, which a line break must not tear apart."""
+    if found.of_one_place:
+        return "(one\N{NO-BREAK SPACE}place)"
     low, high = _number(found.low, digits), _number(found.high, digits)
     return f"({low} to {high})".replace(" ", "\N{NO-BREAK SPACE}")
 
@@ -250,7 +260,7 @@ def _number(value: float, digits: int) -> str:
 
 
 def _digits(metric: str) -> int:
-    return {"theta_rgb_deg": 1, "radiance_absolute": 2}.get(metric, 3)
+    return {"theta_rgb_deg": 1, "radiance_absolute": 2, "true_radiance_absolute": 2}.get(metric, 3)
 
 
 def _has(result: SplitResult, scene: str) -> bool:

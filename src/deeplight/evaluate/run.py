@@ -11,7 +11,9 @@ from jaxtyping import Float32, Float64, Int64
 from deeplight.dataset import DataSet, Example, SplitIndex
 from deeplight.errors import ConfigError
 from deeplight.evaluate.light_metrics import light_errors, linear_errors, mean_radiance
+from deeplight.evaluate.metrics import relative_radiance_error
 from deeplight.evaluate.scores import (
+    CHANNELS,
     TRUE_LIGHTING,
     Column,
     LogRadiance,
@@ -22,8 +24,8 @@ from deeplight.evaluate.scores import (
     score,
 )
 from deeplight.preprocess import normalise
-from deeplight.reflectance import ReflectanceBasis, rig_bases
-from deeplight.sphere import SPHERES, Rig
+from deeplight.reflectance import ReflectanceBasis
+from deeplight.sphere import SPHERES
 
 BATCH = 64
 
@@ -88,10 +90,9 @@ def evaluate(
     with_truth = bool(index.has_lighting[numbers].all())
     gathered = _Gathered([*names, TRUE_LIGHTING] if with_truth else names, len(numbers))
     for chosen, examples in _batches(index, numbers):
-        rig = data.rigs[examples[0].meta.rig]
         estimates = _estimates(estimators, examples)
         truth = _true_radiance(examples) if with_truth else None
-        gathered.add(_Batch(chosen, examples, rig, truth), estimates)
+        gathered.add(_Batch(chosen, examples, data, truth), estimates)
         progress(len(examples))
     return gathered.report(split, index)
 
@@ -127,15 +128,19 @@ def filmed_pixels(
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """Examples of one rig."""
+    """Examples of one rig, whose spheres are rendered with the data set's own bases."""
 
     numbers: Int64[np.ndarray, " examples"]
     examples: Sequence[Example]
-    rig: Rig
+    data: DataSet
     true_radiance: Float32[np.ndarray, "examples light light 3"] | None
 
     def bases(self, log_radiance: LogRadiance) -> dict[str, ReflectanceBasis]:
-        return rig_bases(self.rig, log_radiance.shape[1])
+        return self.data.bases(self.rig, log_radiance.shape[1])
+
+    @property
+    def rig(self) -> str:
+        return self.examples[0].meta.rig
 
 
 @dataclass(eq=False)
@@ -167,7 +172,7 @@ class _Gathered:
             more = _against_truth(log_radiance, rendered, true, true_spheres, bases)
             self.parts.setdefault(name, []).append(score(rendered, filmed, bases, more))
             self._kept(name, log_radiance)[first : first + len(log_radiance)] = log_radiance
-        masked = filmed["diffuse"][:, batch.rig.views["diffuse"].mask()]
+        masked = filmed["diffuse"][:, batch.data.rigs[batch.rig].views["diffuse"].mask()]
         self.clipped.append((masked == 1).mean((1, 2)))
         unknown = np.full(len(batch.examples), np.nan)
         self.brightness.append(unknown if true is None else mean_radiance(true))
@@ -218,7 +223,15 @@ def _against_truth(
         errors = light_errors(np.exp(log_radiance), true)
     masks = {name: bases[name].view.mask() for name in SPHERES}
     linear = linear_errors(rendered, true_spheres, masks)
-    return {**errors, **{f"linear_{name}": linear[name] for name in SPHERES}}
+    relative = relative_radiance_error(
+        rendered["diffuse"], true_spheres["diffuse"], masks["diffuse"]
+    )
+    return {
+        **errors,
+        **{f"linear_{name}": linear[name] for name in SPHERES},
+        **{f"true_radiance_{name}": relative[:, n] for n, name in enumerate(CHANNELS)},
+        "true_radiance_absolute": np.abs(relative).mean(1),
+    }
 
 
 def _batches(

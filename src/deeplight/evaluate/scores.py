@@ -18,6 +18,8 @@ from deeplight.sphere import LOSS_WEIGHTS, SPHERES
 
 TRUE_LIGHTING = "true_lighting"  # what the metrics give for the very light that was filmed
 
+CHANNELS = ("red", "green", "blue")
+
 LogRadiance = Float32[np.ndarray, "examples light light 3"]
 Column = Float64[np.ndarray, " examples"]
 
@@ -45,7 +47,7 @@ class Scores:
         """Give every metric as a column, by name."""
         columns = {f"l1_{name}": self.l1[name] for name in SPHERES}
         columns["theta_rgb_deg"] = self.theta_rgb_deg
-        for channel, name in enumerate(("red", "green", "blue")):
+        for channel, name in enumerate(CHANNELS):
             columns[f"radiance_{name}"] = self.relative_radiance[:, channel]
         columns["radiance_absolute"] = np.abs(self.relative_radiance).mean(1)
         for name, values in self.more.items():

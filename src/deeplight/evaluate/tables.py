@@ -15,10 +15,12 @@ COLUMNS = {
     "theta_rgb_deg": "θ rgb °",
     "radiance_absolute": "radiance err",
 }
+ONE_PLACE = "one place"  # instead of an interval: there is nothing to resample
 LIGHT_COLUMNS = {
     "energy_stops_absolute": "energy stops",
     "direction_deg": "direction °",
     "intensity_stops_absolute": "light stops",
+    "true_radiance_absolute": "radiance",
     "linear_diffuse": "linear d",
     "mirror_detail": "detail m",
 }
@@ -104,10 +106,14 @@ def _median(summary: Summary) -> str:
 
 def _interval(summary: Summary, interval: Interval, digits: int) -> str:
     text = f"\n{interval.low:.{digits}f}-{interval.high:.{digits}f}"
+    if interval.of_one_place:
+        text = f"\n{ONE_PLACE}"
     return text + (f"\n{summary.undefined} undef." if summary.undefined else "")
 
 
 def _ratio(ratio: Interval) -> str:
+    if ratio.of_one_place:
+        return f"{ratio.value:.2f} ({ONE_PLACE})"
     return f"{ratio.value:.2f} ({ratio.low:.2f}-{ratio.high:.2f})"
 
 

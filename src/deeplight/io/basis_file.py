@@ -40,11 +40,16 @@ def save_bases(
         np.savez_compressed(file, **arrays)
 
 
-def load_bases(path: Path | str, rig: Rig | None = None) -> dict[str, ReflectanceBasis]:
+def load_bases(
+    path: Path | str, rig: Rig | None = None, light_size: int | None = None
+) -> dict[str, ReflectanceBasis]:
     """Bases by sphere, as photographed or, with `rig`, as its spheres are seen.
 
     Of a rig all three come out: measured ones turned into its views, the mirror one-hot and any
     other that the file lacks analytic. Nothing in the file is executed.
+
+    Args:
+        light_size: of a rig's bases; left out, that of the measurement.
 
     Raises:
         OSError: it cannot be read.
@@ -53,13 +58,13 @@ def load_bases(path: Path | str, rig: Rig | None = None) -> dict[str, Reflectanc
     bases = _read(Path(path))
     if rig is None:
         return bases
+    size = light_size or next(basis.light_size for basis in bases.values())
     measured = {
-        name: basis.turned(rig.views[name])
+        name: basis.turned(rig.views[name], size)
         for name, basis in bases.items()
         if name in rig.views and name != "mirror"
     }
-    sizes = {basis.light_size for basis in bases.values()}
-    return {**rig_bases(rig, *sizes), **measured}
+    return {**rig_bases(rig, size), **measured}
 
 
 def load_provenance(path: Path | str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from deeplight.evaluate.baselines.baseline import DARKEST, Baseline
 from deeplight.evaluate.baselines.mean_spheres import seen_in_mirror
 from deeplight.lighting import LIGHTING_SIZE
 from deeplight.mappings.resample import shrink
-from deeplight.reflectance import ReflectanceBasis, rig_bases
+from deeplight.reflectance import ReflectanceBasis
 from deeplight.sphere import SPHERES
 
 NAME = "nearest_neighbour"
@@ -64,7 +64,7 @@ class NearestNeighbour(Baseline):
     def _light(self, number: int) -> Float32[np.ndarray, "size size 3"]:
         if number not in self._lights:
             _, spheres = self._index.pixels(number)
-            bases = rig_bases(self._data.rigs[str(self._index.rigs[number])])
+            bases = self._data.bases(str(self._index.rigs[number]))
             radiance = fitted_light(dict(zip(SPHERES, spheres, strict=True)), bases)
             self._lights[number] = np.log(np.maximum(radiance, DARKEST)).astype(np.float32)
         return self._lights[number]

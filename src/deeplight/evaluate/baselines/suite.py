@@ -60,7 +60,7 @@ def constant_baselines(data: DataSet) -> list[ConstantLighting]:
     Raises:
         DataSetError: the data set has no training split, or an example cannot be read.
     """
-    made_of = f"{VERSION} {data.manifest_sha256}"
+    made_of = f"{VERSION} {data.manifest_sha256} {data.bases_sha256}"
     stored = _load(data.folder / CACHE, made_of)
     if stored is not None:
         return [ConstantLighting(name, log_radiance) for name, log_radiance in stored.items()]

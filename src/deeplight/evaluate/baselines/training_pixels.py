@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from deeplight.camera_response import decode
 from deeplight.dataset import DataSet
-from deeplight.reflectance import ReflectanceBasis, rig_bases
+from deeplight.reflectance import ReflectanceBasis
 from deeplight.sphere import SPHERES
 
 EXAMPLES = 4000
@@ -53,7 +53,7 @@ def training_pixels(
     numbers = np.unique(np.linspace(0, len(index) - 1, min(at_most, len(index))).astype(int))
     found = []
     for rig in np.unique(index.rigs[numbers]):
-        bases = rig_bases(data.rigs[str(rig)])
+        bases = data.bases(str(rig))
         size = bases["mirror"].view.size
         counts = np.zeros((len(SPHERES) * size * size * 3, 256), np.int64)
         every_value = np.arange(len(counts))

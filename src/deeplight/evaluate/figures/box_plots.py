@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
 from PIL import Image, ImageDraw, ImageFont
 
 from deeplight.dataset.contact_sheet import Picture
-from deeplight.evaluate.scores import Report
+from deeplight.evaluate.scores import CHANNELS, Report, Scores
 
 LOW, HIGH = -1.0, 3.0  # of the axis; what lies beyond is told in words
 COLOURS = ((214, 68, 60), (68, 160, 80), (66, 110, 214))
@@ -47,20 +48,25 @@ def box_of(values: Float64[np.ndarray, " examples"]) -> Box | None:
     )
 
 
-def radiance_figure(report: Report, names: Sequence[str], scene: str) -> Picture:
+def radiance_figure(
+    report: Report, names: Sequence[str], scene: str, against: Literal["filmed", "true"] = "filmed"
+) -> Picture:
     """(predicted - filmed) / filmed of the sum over the linear diffuse sphere.
 
     For each estimator three boxes, red, green and blue.
+
+    Args:
+        against: the filmed sphere, or that rendered in the true light, where it is known.
     """
     s = _SHARPER
     width = _LEFT + _GROUP * len(names) + 10
     canvas = Image.new("RGB", (width * s, _HEIGHT * s), PAPER)
     draw = ImageDraw.Draw(canvas)
-    _axis(draw, width, scene)
+    _axis(draw, width, f"{scene}: (predicted - {against}) / {against}")
     inside = report.inside(scene)
     for number, name in enumerate(names):
         left = _LEFT + number * _GROUP
-        values = report.scores[name].relative_radiance[inside]
+        values = _relative_radiance(report.scores[name], against)[inside]
         for channel, colour in enumerate(COLOURS):
             box = box_of(values[:, channel])
             if box is not None:
@@ -74,13 +80,19 @@ def _up(value: float) -> float:
     return float(_HEIGHT - _BOTTOM - share * (_HEIGHT - _BOTTOM - _TOP))
 
 
-def _axis(draw: ImageDraw.ImageDraw, width: int, scene: str) -> None:
+def _relative_radiance(scores: Scores, against: str) -> Float64[np.ndarray, "examples 3"]:
+    if against == "filmed":
+        return scores.relative_radiance
+    return np.stack([scores.more[f"true_radiance_{channel}"] for channel in CHANNELS], axis=1)
+
+
+def _axis(draw: ImageDraw.ImageDraw, width: int, title: str) -> None:
     s = _SHARPER
     for value in range(int(LOW), int(HIGH) + 1):
         y = _up(value) * s
         draw.line((_LEFT * s, y, (width - 10) * s, y), SOFT if value == 0 else LINE, s)
         draw.text(((_LEFT - 8) * s, y), f"{value:+d}" if value else "0", SOFT, _font(11), "rm")
-    draw.text((8 * s, 6 * s), f"{scene}: (predicted - filmed) / filmed", INK, _font(12))
+    draw.text((8 * s, 6 * s), title, INK, _font(12))
 
 
 def _draw_box(draw: ImageDraw.ImageDraw, x: int, box: Box, colour: tuple[int, int, int]) -> None:

@@ -9,7 +9,6 @@ from deeplight.camera_response import encode, soft_clip
 from deeplight.dataset import DataSet, Example
 from deeplight.dataset.contact_sheet import GAP, PAPER, Picture, column, enlarged, label, row
 from deeplight.evaluate.scores import Report, rendered_radiance
-from deeplight.reflectance import rig_bases
 from deeplight.sphere import SphereView
 
 SPHERE_PX = 64
@@ -43,12 +42,12 @@ def filmed_column(example: Example, data: DataSet) -> Picture:
 def answer_column(report: Report, data: DataSet, position: int, name: str) -> Picture:
     """The three spheres in the light that an estimator answered, as the camera would show them."""
     index = data.index(report.split)
-    rig = data.rigs[str(index.rigs[int(report.numbers[position])])]
+    rig = str(index.rigs[int(report.numbers[position])])
     answer = np.asarray(report.log_radiance[name][position : position + 1])
-    rendered = rendered_radiance(rig_bases(rig, answer.shape[1]), answer)
+    rendered = rendered_radiance(data.bases(rig, answer.shape[1]), answer)
     with np.errstate(invalid="ignore"):
         pixels = {sphere: encode(soft_clip(r[0])) for sphere, r in rendered.items()}
-    return _column(pixels, rig.views)
+    return _column(pixels, data.rigs[rig].views)
 
 
 def titled(name: str, picture: Picture) -> Picture:
