@@ -10,15 +10,24 @@ from typing import Literal, Self
 import numpy as np
 from jaxtyping import Float
 
+from deeplight import frames
 from deeplight.edit import Edit, edited_latlong
 from deeplight.errors import ShapeError
 from deeplight.frames import Rotation
 from deeplight.harmonics import DominantLight, dominant_light_of_latlong
+from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
-from deeplight.mappings import resample
+from deeplight.mappings import latlong, resample
 
 MOST_NEGATIVE = 0.01
 """Share of the power that may be negative: the ringing that some published panoramas carry."""
+
+MOST_LIGHTS = 3
+LARGEST_LAMP_RAD = 0.2
+"""A light after the main one counts as one if it is at most this large,"""
+LEAST_SHARE = 0.03
+"""and has at least this share of the luminous power that is left."""
+_NOTHING = 1e-6  # a share of the power that is rounding
 
 Frame = Literal["camera", "level", "file"]
 """camera: the view is -Z; level: the same with +Y against gravity; file: as it was stored."""
@@ -102,6 +111,48 @@ class Environment:
     def remainder(self) -> Float[np.ndarray, "height width 3"]:
         """The panorama without its main light."""
         return np.maximum(self.radiance - self._apart[1], 0)
+
+    @cached_property
+    def lights(self) -> tuple[DominantLight, ...]:
+        """The main light, and up to two more as compact as a lamp, as tools have lights.
+
+        The last one's `remainder` is `ambient` on the ball.
+        """
+        return tuple(light for light, _ in self._peeled)
+
+    @cached_property
+    def lamps(self) -> tuple[Lamp, ...]:
+        """The same as even discs; with `ambient` they hold the whole power."""
+        weights = latlong.solid_angles(*self.radiance.shape[:2])
+        return tuple(
+            Lamp(
+                frames.normalised(light.direction.astype(np.float64)),
+                np.einsum("ij,ijc->c", weights, excess),
+                max(light.angular_radius_rad, np.pi / self.height / 2),
+            )
+            for light, excess in self._peeled
+            if light.share > _NOTHING
+        )
+
+    @cached_property
+    def ambient(self) -> Float[np.ndarray, "height width 3"]:
+        """The panorama without `lights`."""
+        rest = self.radiance
+        for _, excess in self._peeled:
+            rest = rest - excess
+        return np.maximum(rest, 0)
+
+    @cached_property
+    def _peeled(self) -> list[tuple[DominantLight, Float[np.ndarray, "height width 3"]]]:
+        """Each light with its own radiance, taken off one after the other."""
+        found, rest = [self._apart], self.remainder
+        while len(found) < MOST_LIGHTS:
+            light, excess = dominant_light_of_latlong(rest)
+            if light.angular_radius_rad > LARGEST_LAMP_RAD or light.share < LEAST_SHARE:
+                break
+            found.append((light, excess))
+            rest = np.maximum(rest - excess, 0)
+        return found
 
     @cached_property
     def _apart(self) -> tuple[DominantLight, Float[np.ndarray, "height width 3"]]:

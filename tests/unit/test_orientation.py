@@ -35,6 +35,10 @@ FORMULAS: dict[str, Formula] = {
         math.acos(y) / math.pi,
     ),
     # Unreal TextureCompressorModule: the cube's "world" swaps y and z, then LookupLongLat.
+    "usd": lambda x, y, z: (
+        0.5 - math.atan2(x, z) / (2 * math.pi),
+        0.5 - math.asin(y) / math.pi,
+    ),
     "unreal": lambda x, y, z: (
         (1 + math.atan2(x, -y) / math.pi) / 2,
         math.acos(z) / math.pi,

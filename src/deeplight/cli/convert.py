@@ -15,8 +15,10 @@ import tyro
 from deeplight.edit import Edit
 from deeplight.mappings.layouts import Mapping
 
-Format = Literal["exr", "hdr", "jpg", "json", "webxr", "ktx2", "gltf", "glb", "blender", "three"]
-Tool = Literal["blender", "three", "mitsuba", "unity", "unreal", "webxr"]
+Format = Literal[
+    "exr", "hdr", "jpg", "json", "webxr", "ktx2", "gltf", "glb", "blender", "three", "usd"
+]
+Tool = Literal["blender", "three", "mitsuba", "unity", "unreal", "usd", "webxr"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,8 @@ class Args:
     inputs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="IN...")]
     """A lighting .json or .exr of deeplight, an HDR picture, or six faces +X -X +Y -Y +Z -Z."""
     out: Path
-    """.exr .hdr .jpg .json .webxr.json .ktx2 .gltf .glb .py (Blender) .js (three.js)."""
+    """.exr .hdr .jpg .json .webxr.json .ktx2 .gltf .glb .py (Blender) .js (three.js) .usda
+    .usdc."""
     format: Format | None = None
     """What to write, if the name's ending does not tell."""
     mapping: Mapping = "latlong"
@@ -39,6 +42,8 @@ class Args:
     """Mapping of IN. Default: its shape tells; a square must be told."""
     made_from: Annotated[Tool | None, tyro.conf.arg(name="from")] = None
     """IN is turned as this tool has it."""
+    lamps_apart: bool = False
+    """Leave the compact lights out of the picture; scripts and the .json have them as lights."""
     test_panorama: bool = False
     """Use the labelled test panorama instead of IN."""
     edit: Annotated[Edit, tyro.conf.arg(name="")] = field(default_factory=Edit)
@@ -52,7 +57,7 @@ def run(args: Args) -> None:
     from deeplight.formats.labelled import labelled_environment
     from deeplight.io.environment_file import read_environment
 
-    wish = Wish(args.out, args.format, args.mapping, args.made_for, args.size)
+    wish = Wish(args.out, args.format, args.mapping, args.made_for, args.size, args.lamps_apart)
     wish.must_not_replace(args.inputs)
     test = labelled_environment() if args.test_panorama else None
     light = test or read_environment(args.inputs, args.in_mapping, args.made_from)

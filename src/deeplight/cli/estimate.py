@@ -37,7 +37,7 @@ class Args:
     model: Path | None = None
     """Use this .onnx or .tflite file instead of the model that comes with deeplight."""
     made_for: Annotated[
-        Literal["blender", "three", "mitsuba", "unity", "unreal", "webxr"] | None,
+        Literal["blender", "three", "mitsuba", "unity", "unreal", "usd", "webxr"] | None,
         tyro.conf.arg(name="for"),
     ] = None
     """Turn the environment for this tool; webxr adds <stem>.webxr.json instead."""

@@ -48,6 +48,7 @@ EXTRA_OF = {
     "onnx": "export",
     "onnxscript": "train",
     "pillow_heif": "heic",
+    "pxr": "usd",
     "ray": "cluster",
     "safetensors": "train",
     "tensorboard": "train",

@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
@@ -11,14 +11,22 @@ from types import MappingProxyType
 import numpy as np
 
 from deeplight.environment import Environment
-from deeplight.errors import ConfigError
+from deeplight.errors import ConfigError, MissingExtraError
 from deeplight.formats.gltf import glb, gltf
 from deeplight.formats.webxr import light_estimate_file
 from deeplight.harmonics import project
 from deeplight.io.atomic import replacing
 from deeplight.io.gain_map import write_gain_map_jpeg
 from deeplight.io.ktx2 import write_ktx2
-from deeplight.io.lighting_file import FRAME, UNIT, VIEW_U, save_lighting
+from deeplight.io.lighting_file import (
+    FRAME,
+    LATLONG_HEIGHT,
+    UNIT,
+    VIEW_U,
+    lamps_record,
+    save_lighting,
+    seen_record,
+)
 from deeplight.io.orientation import TOOLS, faces_for, turned_for
 from deeplight.io.radiance import write_exr, write_hdr
 from deeplight.mappings import cube
@@ -27,6 +35,7 @@ from deeplight.mappings.layouts import cube_from_latlong, probe_from_latlong, re
 LARGEST_SIZE = 8192
 PICTURES = ("exr", "hdr", "jpg")
 SCRIPTS = ("blender", "three")
+WITH_EXR = (*SCRIPTS, "usd")
 WITHOUT_VIEW = frozenset({"mirror-ball", "angular", "cross", "horizontal-cross"})
 """Mappings whose middle is the view (or its opposite) by definition, so that no tool turns them."""
 
@@ -42,6 +51,8 @@ class Wish:
         mapping: of a picture, any `probe.Mapping`.
         made_for: the tool to turn it for.
         size: rows of a latlong, side of a disc or a face; left out, as fine as what came in.
+        lamps_apart: leave the compact lights out of pictures; scripts and the `.json` then have
+            them as lights. glTF, WebXR and USD always do.
     """
 
     path: Path
@@ -49,9 +60,12 @@ class Wish:
     mapping: str = "latlong"
     made_for: str | None = None
     size: int | None = None
+    lamps_apart: bool = False
 
     def __post_init__(self) -> None:
         kind = self.kind
+        if self.lamps_apart and kind == "ktx2":
+            raise ConfigError("a format that has lights for --lamps-apart", kind, "drop it")
         if kind in ("exr", "hdr", "json") and self.path.suffix.lower() != f".{kind}":
             raise ConfigError(f"--out ending in .{kind}", f"{self.path}", "rename it")
         if self.mapping != "latlong" and kind not in PICTURES:
@@ -86,7 +100,7 @@ class Wish:
         """What will be written."""
         if self.kind == "json":
             return [self.path, self.path.with_suffix(".exr")]
-        if self.kind in SCRIPTS:
+        if self.kind in WITH_EXR:
             return [self.path, self.path.with_suffix(f".{self.kind}.exr")]
         if self.mapping != "cube":
             return [self.path]
@@ -116,6 +130,8 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
         ".glb": "glb",
         ".py": "blender",
         ".js": "three",
+        ".usda": "usd",
+        ".usdc": "usd",
     }
 )
 """What a name's ending says; the longer of two comes first."""
@@ -131,10 +147,16 @@ def write_environment(environment: Environment, wish: Wish) -> list[Path]:
     return FORMATS[wish.kind](environment, wish)
 
 
+def _panorama(environment: Environment, wish: Wish) -> np.ndarray:
+    """The panorama to write, with or without the lights that tools add themselves."""
+    return environment.ambient if wish.lamps_apart else environment.radiance
+
+
 def _picture(environment: Environment, wish: Wish) -> list[Path]:
-    rows = len(environment.radiance)
+    panorama = _panorama(environment, wish)
+    rows = len(panorama)
     if wish.mapping in ("cube", "strip", "column"):
-        faces = cube_from_latlong(environment.radiance, wish.size or max(rows // 2, 4))
+        faces = cube_from_latlong(panorama, wish.size or max(rows // 2, 4))
         faces = faces_for(faces, wish.made_for)
         if wish.mapping == "cube":
             return [_written(p, face, wish) for p, face in zip(wish.files, faces, strict=True)]
@@ -143,7 +165,7 @@ def _picture(environment: Environment, wish: Wish) -> list[Path]:
     # Quarter turns need whole columns, so an odd panorama gives up a row for a tool.
     whole = rows - rows % 2 if wish.made_for in TOOLS else rows
     size = wish.size or (max(rows // 2, 4) if cross else whole)
-    picture = probe_from_latlong(environment.radiance, wish.mapping, size)
+    picture = probe_from_latlong(panorama, wish.mapping, size)
     if wish.mapping == "latlong" and wish.made_for in TOOLS:
         picture = turned_for(picture, wish.made_for)
     return [_written(wish.path, picture, wish)]
@@ -167,9 +189,12 @@ def _written(path: Path, picture: np.ndarray, wish: Wish) -> Path:
 def _lighting_file(environment: Environment, wish: Wish) -> list[Path]:
     tool = TOOLS.get(wish.made_for or "")
     turn = tool.turn if tool else None
-    latlong = resized(environment.radiance, 256)
+    latlong = resized(_panorama(environment, wish), wish.size or LATLONG_HEIGHT)
     stem = wish.path.with_suffix("")
-    return save_lighting(environment.lighting, stem, turn=turn, latlong=latlong)
+    facts = {"lamps": lamps_record(environment.lamps, in_environment=not wish.lamps_apart)}
+    if environment.seen is not None:
+        facts["seen"] = seen_record(environment.seen)
+    return save_lighting(environment.lighting, stem, turn=turn, latlong=latlong, facts=facts)
 
 
 def _webxr(environment: Environment, wish: Wish) -> list[Path]:
@@ -200,24 +225,44 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, Wish], list[Path]
     def write(environment: Environment, wish: Wish) -> list[Path]:
         if wish.made_for not in (None, tool):
             raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
-        beside = Wish(wish.files[1], "exr", made_for=tool, size=wish.size)
+        beside = replace(wish, path=wish.files[1], format="exr", made_for=tool)
         text = files("deeplight.formats").joinpath("snippets", snippet).read_text(encoding="utf-8")
-        light = environment.main_light
-        facts = {
-            "direction": light.direction.tolist(),
-            "irradiance": light.irradiance.tolist(),
-            "angularRadius": light.angular_radius_rad,
-        }
+        lights = [
+            {
+                "direction": light.direction.tolist(),
+                "irradiance": light.irradiance.tolist(),
+                "angularRadius": light.angular_radius_rad,
+            }
+            for light in environment.lights
+        ]
         for mark, value in {
             "NAME": re.sub(r"[^\w .-]", "_", wish.path.stem),
             "EXR": json.dumps(beside.path.name),
-            "MAIN_LIGHT": json.dumps(facts),
-            "HARMONICS": json.dumps(project(light.remainder).tolist()),
+            "MAIN_LIGHT": json.dumps(lights[0]),
+            "LIGHTS": json.dumps(lights),
+            "APART": json.dumps(wish.lamps_apart),
+            "HARMONICS": json.dumps(project(environment.lights[-1].remainder).tolist()),
         }.items():
             text = text.replace(f"@{mark}@", value)
         return [*_picture(environment, beside), *_text(wish.path, text)]
 
     return write
+
+
+def _usd(environment: Environment, wish: Wish) -> list[Path]:
+    try:
+        from deeplight.formats.usd import write_usd
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "pxr":
+            raise
+        raise MissingExtraError("usd", f"writing {wish.path.name}") from error
+    if wish.made_for is not None:
+        raise ConfigError("a USD stage", f"--for {wish.made_for}", "drop --for")
+    texture = wish.files[1]
+    beside = replace(wish, path=texture, format="exr", made_for="usd", lamps_apart=True)
+    files = _picture(environment, beside)
+    write_usd(wish.path, environment.lights, texture.name)
+    return [*files, wish.path]
 
 
 def _text(path: Path, text: str) -> list[Path]:
@@ -238,6 +283,7 @@ FORMATS: Mapping[str, Callable[[Environment, Wish], list[Path]]] = MappingProxyT
         "glb": _glb,
         "blender": _script("blender", "blender.py.txt"),
         "three": _script("three", "three.js"),
+        "usd": _usd,
     }
 )
 """How each format is written."""

@@ -1,4 +1,4 @@
-"""Light as glTF 2.0: the main light as KHR_lights_punctual, the rest as EXT_lights_image_based.
+"""Light as glTF 2.0: compact lights as KHR_lights_punctual, the rest as EXT_lights_image_based.
 
 A scene of one node, which a tool merges with its own. Units: radiance relative to the camera's
 white stands where glTF has nits, so irradiance stands where it has lux; turn both by one factor.
@@ -55,17 +55,16 @@ def glb(environment: Environment) -> bytes:
 
 def _pictures(environment: Environment) -> list[bytes]:
     """PNG of each face of each mip."""
-    mips = specular_mips(environment.remainder)
+    mips = specular_mips(environment.ambient)
     return [_png(rgbd(face)) for faces in mips for face in gltf_faces(faces)]
 
 
 def _document(environment: Environment) -> dict[str, Any]:
     """Everything but the pictures."""
-    light = environment.main_light
-    strength = float(light.irradiance.max())
-    harmonics = irradiance_coefficients(project(light.remainder))
+    lights = environment.lights
+    harmonics = irradiance_coefficients(project(lights[-1].remainder))
     image_light = {
-        "name": "everything but the main light",
+        "name": "everything but the lights",
         "intensity": 1.0,
         "rotation": [0.0, 0.0, 0.0, 1.0],
         "irradianceCoefficients": (harmonics * GLTF_SIGN[:, None]).tolist(),
@@ -77,27 +76,38 @@ def _document(environment: Environment) -> dict[str, Any]:
         "specularImageSize": FACE_SIZE,
         "specularImages": [[6 * mip + face for face in range(6)] for mip in range(MIPS)],
     }
-    punctual = {
-        "name": "main light",
-        "type": "directional",
-        "color": [float(value) for value in light.colour],
-        "intensity": strength,
+    names = ["main light", *(f"light {number}" for number in range(2, len(lights) + 1))]
+    punctual = [
+        {
+            "name": name,
+            "type": "directional",
+            "color": [float(value) for value in light.colour],
+            "intensity": float(light.irradiance.max()),
+            "extras": {"angularRadius": light.angular_radius_rad},
+        }
+        for name, light in zip(names, lights, strict=True)
+    ]
+    nodes = [
+        {
+            "name": name,
+            "rotation": shining_from(light.direction),
+            "extensions": {"KHR_lights_punctual": {"light": number}},
+        }
+        for number, (name, light) in enumerate(zip(names, lights, strict=True))
+    ]
+    scene = {
+        "nodes": list(range(len(nodes))),
+        "extensions": {"EXT_lights_image_based": {"light": 0}},
     }
     return {
         "asset": {"version": "2.0", "generator": "deeplight convert"},
         "extensionsUsed": ["KHR_lights_punctual", "EXT_lights_image_based"],
         "extensions": {
-            "KHR_lights_punctual": {"lights": [punctual]},
+            "KHR_lights_punctual": {"lights": punctual},
             "EXT_lights_image_based": {"lights": [image_light]},
         },
-        "nodes": [
-            {
-                "name": "main light",
-                "rotation": _shining_from(light.direction),
-                "extensions": {"KHR_lights_punctual": {"light": 0}},
-            }
-        ],
-        "scenes": [{"nodes": [0], "extensions": {"EXT_lights_image_based": {"light": 0}}}],
+        "nodes": nodes,
+        "scenes": [scene],
         "scene": 0,
     }
 
@@ -156,7 +166,7 @@ def _blurred(
     return (lobe @ radiance / lobe.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
-def _shining_from(direction: Float[np.ndarray, "3"]) -> list[float]:
+def shining_from(direction: Float[np.ndarray, "3"]) -> list[float]:
     """Quaternion x y z w of a node whose -Z, where a glTF light shines, is -`direction`."""
     away = -direction.astype(float)
     if abs(away[1]) > 1 - 1e-6:  # straight up or down, where nothing is level

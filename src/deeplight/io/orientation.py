@@ -100,6 +100,14 @@ TOOLS = {
             centre=(0, -1, 0),
             source="TextureCompressorModule, LookupLongLat: u = (1 + atan2(x, -y) / pi) / 2",
         ),
+        Tool(
+            "usd",
+            right=(1, 0, 0),
+            up=(0, 1, 0),
+            view=(0, 0, -1),
+            centre=(0, 0, 1),
+            source="UsdLux DomeLight: OpenEXR's latlong, longitude atan2(x, z) from pi down to -pi",
+        ),
     )
 }
 """The tools that take an equirectangular environment, by name."""

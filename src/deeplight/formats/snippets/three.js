@@ -15,28 +15,43 @@ export const environmentUrl = new URL(@EXR@, import.meta.url).href;
 // Unit vector towards the main light, its irradiance (RGB) and its angular radius in radians.
 export const mainLight = @MAIN_LIGHT@;
 
-// Radiance without the main light, all-positive sign, order 00 1-1 10 11 2-2 2-1 20 21 22.
+// All compact lights, the main light first.
+export const lights = @LIGHTS@;
+
+// Whether the environment was written without them; then addEnvironment adds them.
+export const lightsApart = @APART@;
+
+// Radiance without the lights, all-positive sign, order 00 1-1 10 11 2-2 2-1 20 21 22.
 export const sphericalHarmonics = @HARMONICS@;
 
-/** Light the scene by the whole environment. */
+/** Light the scene by the whole environment; compact lights that are not in it are added. */
 export async function addEnvironment(scene, { url = environmentUrl, background = false } = {}) {
   const texture = await new EXRLoader().loadAsync(url);
   texture.mapping = THREE.EquirectangularReflectionMapping;
   scene.environment = texture;
   if (background) scene.background = texture;
+  if (lightsApart) addSuns(scene);
   return texture;
 }
 
-/** The cheap way, with shadows: harmonics and one directional light add up to the same light. */
-export function addLights(scene, { distance = 10, castShadow = true } = {}) {
+/** The cheap way, with shadows: harmonics and directional lights add up to the same light. */
+export function addLights(scene, options = {}) {
   const probe = new THREE.LightProbe();
   probe.sh.coefficients.forEach((to, i) => to.fromArray(sphericalHarmonics[i]));
-  const [r, g, b] = mainLight.irradiance;
-  const strength = Math.max(r, g, b);
-  const sun = new THREE.DirectionalLight(0xffffff, strength);
-  if (strength > 0) sun.color.setRGB(r / strength, g / strength, b / strength);
-  sun.position.fromArray(mainLight.direction).multiplyScalar(distance);
-  sun.castShadow = castShadow;
-  scene.add(probe, sun, sun.target);
-  return { probe, sun };
+  scene.add(probe);
+  const suns = addSuns(scene, options);
+  return { probe, sun: suns[0], suns };
+}
+
+/** Each compact light as a directional light. */
+export function addSuns(scene, { distance = 10, castShadow = true } = {}) {
+  return lights.map(({ direction, irradiance: [r, g, b] }) => {
+    const strength = Math.max(r, g, b);
+    const sun = new THREE.DirectionalLight(0xffffff, strength);
+    if (strength > 0) sun.color.setRGB(r / strength, g / strength, b / strength);
+    sun.position.fromArray(direction).multiplyScalar(distance);
+    sun.castShadow = castShadow;
+    scene.add(sun, sun.target);
+    return sun;
+  });
 }
