@@ -1,10 +1,22 @@
 """A file is written whole or not at all."""
 
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from deeplight.io import atomic
 from deeplight.io.atomic import replacing
+from deeplight.io.photograph import write_photograph
+from deeplight.io.radiance import write_exr, write_hdr
+from deeplight.io.video_writer import VideoWriter
+
+NOISE = np.random.default_rng(0).random((64, 128, 3)).astype(np.float32)
 
 
 def test_the_file_appears_only_at_the_end(tmp_path: Path) -> None:
@@ -41,8 +53,133 @@ def test_a_block_that_writes_nothing_is_an_error(tmp_path: Path) -> None:
         pass
 
 
-def test_a_very_long_name_can_be_written(tmp_path: Path) -> None:
-    target = tmp_path / ("n" * 250 + ".exr")
+@pytest.mark.parametrize("stem", ["n" * 250, "é" * 125, "n" * 251, "a." + "x" * 240])
+def test_a_very_long_name_can_be_written(stem: str, tmp_path: Path) -> None:
+    target = tmp_path / (stem + ".exr"[: 255 - len(stem.encode())])
     with replacing(target) as temporary:
+        assert len(os.fsencode(temporary.name)) <= 255
         temporary.write_text("whole")
     assert target.read_text() == "whole"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_name_that_is_not_utf8_can_be_written(tmp_path: Path) -> None:
+    target = tmp_path / os.fsdecode(b"caf\xe9.exr")
+    with replacing(target) as temporary:
+        temporary.name.encode()  # image libraries want UTF-8
+        temporary.write_text("whole")
+    assert [os.fsencode(path.name) for path in tmp_path.iterdir()] == [b"caf\xe9.exr"]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.exr"])
+def test_an_empty_or_cut_off_file_is_a_full_disk(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text("old")
+    for content in (b"",) if name == "a.exr" else (b"", b"\x89PNG\r\n"):
+        with pytest.raises(OSError, match="No space left"):
+            write(tmp_path / name, content)
+        assert (tmp_path / name).read_text() == "old"
+        assert len(list(tmp_path.iterdir())) == 1
+
+
+def write(target: Path, content: bytes) -> None:
+    with replacing(target) as temporary:
+        temporary.write_bytes(content)
+
+
+FULL = """
+import resource, signal, sys
+from pathlib import Path
+import numpy as np
+from deeplight.io.photograph import write_photograph
+from deeplight.io.radiance import write_exr, write_hdr
+from deeplight.io.photos import write_png
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+noise = np.random.default_rng(0).random((64, 128, 3)).astype(np.float32)
+folder, most = Path(sys.argv[1]), int(sys.argv[2])
+resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+for name, save in {"a.png": write_photograph, "b.exr": write_photograph, "c.exr": write_exr,
+                   "d.hdr": write_hdr}.items():
+    try:
+        save(folder / name, noise)
+    except OSError:
+        continue
+    sys.exit(f"{name} was written in {most} bytes")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs file size limits")
+@pytest.mark.parametrize("most", [1, 4096, 12_000])
+def test_a_disk_that_takes_no_more_is_an_error(most: int, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", FULL, str(tmp_path), str(most)]
+    done = subprocess.run(command, env=os.environ | path_of_ours(), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def path_of_ours() -> dict[str, str]:
+    return {"PYTHONPATH": os.pathsep.join(sys.path)}
+
+
+KILLED = """
+import sys, time
+from pathlib import Path
+from deeplight.io.atomic import replacing
+with replacing(Path(sys.argv[1])) as temporary:
+    temporary.write_text("half")
+    print("writing", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs kill")
+def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", KILLED, str(tmp_path / "a.exr")]
+    with subprocess.Popen(command, env=os.environ | path_of_ours(), stdout=-1) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        foreign = tmp_path / ".a.dl-00000000-7fffffff-00000000.exr"  # another machine's
+        foreign.write_text("half")
+        assert len(list(tmp_path.iterdir())) == 2
+        atomic._remove_leftovers.cache_clear()
+        write(tmp_path / "b.txt", b"whole")  # another run's file that still lives is kept
+        assert len(list(tmp_path.iterdir())) == 3
+        child.send_signal(signal.SIGKILL)
+    write(tmp_path / "c.txt", b"whole")  # once for each run
+    assert len(list(tmp_path.iterdir())) == 4
+    atomic._remove_leftovers.cache_clear()
+    write(tmp_path / "d.txt", b"whole")
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [foreign.name, "b.txt", "c.txt", "d.txt"]
+
+
+def write_video(path: Path, noise: np.ndarray) -> None:
+    pixels = (noise[:, :100] * 255).astype(np.uint8)  # rows that are no multiple of 64
+    with VideoWriter(path, 100, 64, 30) as video:
+        for number in range(8):
+            video.write(np.roll(pixels, number, axis=1))
+
+
+@pytest.mark.parametrize(
+    ("name", "save"),
+    [
+        ("a.exr", write_exr),
+        ("a.hdr", write_hdr),
+        ("b.exr", write_photograph),
+        ("b.png", write_photograph),
+        ("c.mp4", write_video),
+    ],
+)
+def test_the_same_values_give_the_same_bytes(
+    name: str, save: Callable[[Path, np.ndarray], None], tmp_path: Path, monkeypatch
+) -> None:
+    if save is write_video:
+        pytest.importorskip("av")
+    found = set()
+    for number in range(4):
+        rubbish = np.random.default_rng(number).bytes(20_000 * (number + 1))  # in fresh memory
+        save(tmp_path / name, NOISE)
+        found.add((tmp_path / name).read_bytes())
+        assert rubbish
+    assert len(found) == 1
+    (content,) = found
+    assert b"capDate" not in content  # the time of day, to the second

@@ -16,7 +16,7 @@ from deeplight.camera_response import CameraResponse
 from deeplight.compose.look import NO_LOOK, Look, blurred, grain
 from deeplight.compose.trace import Layers
 from deeplight.errors import ImageFileError
-from deeplight.io.atomic import replacing
+from deeplight.io.image_file import write_image
 
 UNSEEN = 2e-3  # a change of light smaller than this leaves an 8-bit pixel as it is
 RESPONSE = CameraResponse()
@@ -93,12 +93,7 @@ def write_layers(path: Path | str, layers: Layers, height: int, width: int) -> N
     spec.channelnames = ("R", "G", "B", "A", "shadow.R", "shadow.G", "shadow.B", "mask.Y")
     spec.attribute("compression", "zip")
     spec.attribute("deeplight:unit", "linear radiance; 1.0 is the camera's white")
-    with replacing(path) as temporary:
-        file = oiio.ImageOutput.create(str(temporary))
-        assert file is not None  # .exr is always known
-        written = file.open(str(temporary), spec) and file.write_image(values)
-        if not (file.close() and written):
-            raise OSError(f"cannot write {path}: {file.geterror().strip() or 'disk full?'}")
+    write_image(Path(path), spec, values)
 
 
 def _softened(layers: Layers, sigma_px: float) -> Layers:

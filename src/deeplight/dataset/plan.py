@@ -88,8 +88,8 @@ class ShardPlan:
     ) -> "ShardPlan":
         """Start a data set in `folder`, or go on with one of the very same plan.
 
-        Call it once, before any shard is written: it removes what a killed run left half-made.
-        A `revised` plan takes the place of another one, which its maker has compared.
+        Call it once, before any shard is written. A `revised` plan takes the place of another
+        one, which its maker has compared.
 
         Raises:
             DataSetError: the folder holds a data set of another plan.
@@ -105,8 +105,6 @@ class ShardPlan:
                 "one with other " + ", ".join(changed),
                 "choose another folder, or delete that one",
             )
-        for leftover in plan.folder.glob(".*-??????.????????.tar"):
-            leftover.unlink()
         write_json(path, values)
         return plan
 

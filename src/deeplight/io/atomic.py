@@ -1,9 +1,21 @@
 """Write a file whole or not at all, and no folder for nothing."""
 
+import contextlib
+import errno
+import hashlib
+import os
+import re
 import secrets
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+
+MAX_NAME_BYTES = 255
+LONGEST_SUFFIX = 20
+_ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
+_LEFTOVER = re.compile(r"\..*\.dl-(?P<where>[0-9a-f]{8})-(?P<process>[0-9a-f]+)-[0-9a-f]{8}(\..*)?")
 
 
 @contextmanager
@@ -14,20 +26,81 @@ def replacing(path: Path | str) -> Iterator[Path]:
     with a dot, so that a folder listing does not take it for a result. Missing parent folders are
     made. An existing file keeps its old content until the last moment.
 
-    A kill -9 leaves the temporary file behind; it never leaves a half-written `path`.
+    What was written is on the disk before it gets its name. A kill -9 leaves the temporary file
+    behind, which the next run that writes into the folder removes; it never leaves a half-written
+    `path`.
 
     Raises:
         OSError: the folder cannot be made or written, or the disk is full.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem[:100]}.{secrets.token_hex(4)}{path.suffix}")
+    _remove_leftovers(path.parent.resolve())
+    temporary = path.with_name(_temporary_name(path))
     try:
         yield temporary
+        _settle(temporary, path)
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def _temporary_name(path: Path) -> str:
+    """Make a name that says which process writes it, of at most `MAX_NAME_BYTES`."""
+    suffix = path.suffix if len(os.fsencode(path.suffix)) <= LONGEST_SUFFIX else ""
+    end = f".dl-{_where()}-{os.getpid():x}-{secrets.token_hex(4)}{suffix}"
+    # Image libraries want UTF-8; and an early part of a name says enough.
+    stem = path.stem.encode("utf-8", "replace")[: MAX_NAME_BYTES - 1 - len(os.fsencode(end))]
+    return f".{stem.decode('utf-8', 'ignore')}{end}"
+
+
+def _settle(temporary: Path, path: Path) -> None:
+    """Bring a file to the disk, and see that it is whole as far as its last bytes say.
+
+    libpng's writer swallows the error of a full disk, and other libraries may.
+    """
+    with temporary.open("rb+") as file:
+        end = _ENDS.get(path.suffix.lower(), b"")
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - len(end), 0))
+        if size == 0 or (file.read() != end and end):
+            text = os.strerror(errno.ENOSPC) + ", or the file was not written whole"
+            raise OSError(errno.ENOSPC, text, str(path))
+        os.fsync(file.fileno())
+
+
+@cache
+def _where() -> str:
+    """Name this machine and this process's view of it, in which its number means something."""
+    parts = [socket.gethostname()]
+    with contextlib.suppress(OSError):
+        parts.append(str(Path("/proc/self/ns/pid").readlink()))
+    return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:8]
+
+
+@cache
+def _remove_leftovers(folder: Path) -> None:
+    """Remove what killed processes of this machine left in a folder; once for each folder."""
+    with contextlib.suppress(OSError):
+        for entry in list(os.scandir(folder)):
+            found = _LEFTOVER.fullmatch(entry.name) if entry.name.startswith(".") else None
+            if found is None or found["where"] != _where() or _lives(int(found["process"], 16)):
+                continue
+            with contextlib.suppress(OSError):
+                Path(entry.path).unlink()
+
+
+def _lives(process: int) -> bool:
+    if os.name == "nt":
+        return True  # there, asking would end it
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 @contextmanager

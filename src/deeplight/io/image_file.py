@@ -9,9 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import OpenImageIO as oiio
 
 from deeplight.errors import ImageFileError
+from deeplight.io.atomic import replacing
 
 MAX_SIDE = 30_000
 """Longest side in pixels that is read; longer ones are mistakes or attacks."""
@@ -58,6 +60,24 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
         yield file
     finally:
         file.close()
+
+
+def write_image(path: Path, spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
+    """Write an image whole or not at all; the same pixels give the same bytes.
+
+    Raises:
+        OSError: the file cannot be written.
+        ImageFileError: no format of that suffix.
+    """
+    spec.attribute("DateTime", "")  # left out, OpenImageIO writes the time of day
+    with replacing(path) as temporary:
+        file = oiio.ImageOutput.create(str(temporary))
+        if file is None:
+            raise ImageFileError("a name ending in .exr or .hdr", f"{path}", "rename the output")
+        written = file.open(str(temporary), spec) and file.write_image(np.ascontiguousarray(pixels))
+        # Closing flushes, so a full disk may show only there.
+        if not (file.close() and written):
+            raise OSError(f"cannot write {path}: {file.geterror().strip() or 'disk full?'}")
 
 
 def check_size(path: Path, width: int, height: int, max_pixels: int) -> None:

@@ -8,9 +8,8 @@ from jaxtyping import Float32
 
 from deeplight.camera_response import decode
 from deeplight.errors import ImageFileError
-from deeplight.io.atomic import replacing
 from deeplight.io.exif import upright
-from deeplight.io.image_file import first_bytes, opened
+from deeplight.io.image_file import first_bytes, opened, write_image
 from deeplight.io.photos import MAX_PHOTO_PIXELS, check_with_pillow
 from deeplight.io.radiance import is_floating_point, read_radiance
 
@@ -50,10 +49,4 @@ def write_photograph(path: Path | str, values: Float32[np.ndarray, "height width
     exact = path.suffix == ".exr"
     spec = oiio.ImageSpec(width, height, 3, oiio.FLOAT if exact else oiio.UINT16)
     pixels = values if exact else np.floor(np.clip(values, 0, 1) * 65535 + 0.5).astype(np.uint16)
-    with replacing(path) as temporary:
-        file = oiio.ImageOutput.create(str(temporary))
-        if file is None:
-            raise OSError(f"cannot write {path}: {oiio.geterror().strip()}")
-        written = file.open(str(temporary), spec) and file.write_image(np.ascontiguousarray(pixels))
-        if not (file.close() and written):  # closing flushes: a full disk may show only there
-            raise OSError(f"cannot write {path}: {file.geterror().strip() or 'disk full?'}")
+    write_image(path, spec, pixels)

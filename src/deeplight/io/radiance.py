@@ -9,8 +9,7 @@ import OpenImageIO as oiio
 from jaxtyping import Float32
 
 from deeplight.errors import ImageFileError
-from deeplight.io.atomic import replacing
-from deeplight.io.image_file import damaged, opened
+from deeplight.io.image_file import damaged, opened, write_image
 
 MAX_HDR_PIXELS = 16_384 * 8_192
 """Largest panorama that is read: "16k", which takes 1.6 GB."""
@@ -128,12 +127,4 @@ def _write(
     spec.channelnames = names
     for name, value in header.items():
         spec.attribute(name, value)
-    with replacing(path) as temporary:
-        file = oiio.ImageOutput.create(str(temporary))
-        if file is None:
-            raise ImageFileError("a name ending in .exr or .hdr", f"{path}", "rename the output")
-        rows = np.ascontiguousarray(radiance, dtype=np.float32)
-        written = file.open(str(temporary), spec) and file.write_image(rows)
-        # Closing flushes, so a full disk may show only there.
-        if not (file.close() and written):
-            raise OSError(f"cannot write {path}: {file.geterror().strip() or 'disk full?'}")
+    write_image(path, spec, np.asarray(radiance, np.float32))

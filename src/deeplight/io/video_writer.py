@@ -1,5 +1,6 @@
 """Write a video as phones do: lying down with rotation metadata, frames at uneven times, HLG."""
 
+import platform
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -123,6 +124,10 @@ class VideoWriter:
     def _add_stream(self) -> "av.VideoStream":
         options = {"crf": str(self._quality), "preset": "veryfast", "threads": "1"}
         hdr = self._codec == "libx265"
+        if not hdr and self._size[0] % 64 and platform.machine() in ("x86_64", "AMD64"):
+            # x264's wider kernels read past rows of other widths, into whatever lies there:
+            # the same pictures would not give the same bytes.
+            options["x264-params"] = "asm=MMX2,SSE2,SSE3,SSSE3,SSE4.1,SSE4.2,AVX"
         if hdr:
             options |= {"preset": "ultrafast", "tag": "hvc1"}
             options["x265-params"] = "log-level=error:pools=none:frame-threads=1"
