@@ -59,6 +59,43 @@ def test_a_run_makes_every_split_and_tells_what_it_skipped(whole: Path) -> None:
     assert all(example.true_lighting is not None for example in held_out)
 
 
+def pixels_sha256(folder: Path) -> str:
+    """Of every photo and crop of a data set, as decoded."""
+    data = open_dataset(folder)
+    checksum = hashlib.sha256()
+    for split in data.splits:
+        for example in data.examples(split):
+            checksum.update(example.background.tobytes())
+            for name in sorted(example.spheres):
+                checksum.update(example.spheres[name].tobytes())
+    return checksum.hexdigest()
+
+
+def test_recipe_v1_stays_what_it_was(folder: Path, whole: Path, tmp_path: Path) -> None:
+    """The checksum was made before recipe v2 was added; v1 is what old results were made with."""
+    assert pixels_sha256(whole).startswith("ad69b9b0ad063afb")
+    shards, simulation = plan(folder, tmp_path / "v2", replace(RECIPE, phones="v2"))
+    simulate(shards, simulation, engine=Engine(workers=1))
+    assert pixels_sha256(tmp_path / "v2") != pixels_sha256(whole)
+
+
+def test_v2_keeps_one_camera_for_test(folder: Path, tmp_path: Path) -> None:
+    """Test takes come in pairs that are held alike; the kept camera is nowhere else."""
+    recipe = replace(RECIPE, phones="v2", eval_takes=2)
+    shards, simulation = plan(folder, tmp_path / "v2", recipe)
+    simulate(shards, simulation, engine=Engine(workers=1))
+    data = open_dataset(tmp_path / "v2")
+    for split in set(data.splits) - {"unseen_outdoor"}:
+        assert {e.meta.camera for e in data.examples(split)} <= {"family"}, split
+    test = list(data.examples("unseen_outdoor"))
+    assert [e.meta.camera for e in test] == ["family", "family", "kept", "kept"]
+    for one, other in zip(test[:2], test[2:], strict=True):
+        details, others = one.meta.details, other.meta.details
+        assert details["world_from_camera"] == others["world_from_camera"]
+        assert details["height"] == others["height"]
+        assert details["vertical_fov_rad"] != others["vertical_fov_rad"]
+
+
 def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(
     folder: Path, whole: Path, tmp_path: Path
 ) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,14 +22,18 @@ from deeplight.dataset import (
 from deeplight.errors import ConfigError, DataSetError, InputError
 from deeplight.jobs import LOCAL, Engine, run
 from deeplight.simulate import panorama
+from deeplight.simulate.many_phones import draw_phone, kept_phone
+from deeplight.simulate.many_takes import drawn_height, film_many
 from deeplight.simulate.panorama import Place
 from deeplight.simulate.phone import PHONES
+from deeplight.simulate.place_light import PlaceLight
 from deeplight.simulate.take import Frame, film
 from deeplight.simulate.vary import varied
 from deeplight.sphere import PAPER_RIG
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9_-]")  # in names of takes; their numbers keep them apart
-_LONGEST_VISIT = 4  # takes filmed in a row in one place, so that it is read once for them all
+_LONGEST_VISIT = {"v1": 4, "v2": 16}  # takes in a row in one place: it is read once for them all
+_EV100 = {"indoor": (6.5, 1.5), "outdoor": (12.5, 1.5)}  # assumed for a place: mean and spread
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,8 @@ class Recipe:
         shard_takes: takes in each shard.
         seed: another seed films other takes.
         varied: share of training takes filmed in a varied copy of their place (`vary`).
+        phones: "v1" films everything with one good camera (`phone`); "v2" films each take with
+            another one of a wide family, and half of the test takes with one kept for them.
     """
 
     train_takes: int = 64
@@ -57,6 +63,7 @@ class Recipe:
     shard_takes: int = 64
     seed: int = 0
     varied: float = 0.0
+    phones: Literal["v1", "v2"] = "v1"
 
     def takes(self, split: str) -> int:
         """Takes in each place of a split of the data set."""
@@ -91,35 +98,76 @@ class Simulation:
             yield from self.left_out
         first = job.first // self.recipe.frames
         last = first + job.count // self.recipe.frames
-        opened: tuple[Place, np.ndarray | None] | None = None
+        opened: tuple[Place, _Opened | None] | None = None
         for take in range(first, last):
             place = self._place(job.split, take)
             if opened is None or opened[0] != place:
                 try:
-                    opened = place, panorama.load(place)
+                    opened = place, self._open(place)
                 except (OSError, InputError) as error:
                     opened = place, None
                     yield Skipped(place.path.name, str(error))
             if opened[1] is not None:
                 yield from self._take(job.split, place, opened[1], take)
 
+    def _open(self, place: Place) -> "_Opened":
+        radiance = panorama.load(place)
+        return _Opened(radiance, _light(radiance, place) if self.recipe.phones == "v2" else None)
+
     def _place(self, split: str, take: int) -> Place:
         places = self.places[split]
-        visit = math.gcd(self.recipe.takes(split), _LONGEST_VISIT)  # leaves no place short
+        visit = math.gcd(
+            self.recipe.takes(split), _LONGEST_VISIT[self.recipe.phones]
+        )  # leaves no place short
         return places[take // visit % len(places)]
 
-    def _take(self, split: str, place: Place, radiance: np.ndarray, take: int) -> Iterator[Example]:
-        recipe = self.recipe
+    def _take(self, split: str, place: Place, opened: "_Opened", take: int) -> Iterator[Example]:
+        recipe, radiance, light = self.recipe, opened.radiance, opened.light
         name = f"{_UNSAFE.sub('_', place.path.stem)[:60]}-{take:05d}"
-        rng = np.random.default_rng([recipe.seed, *split.encode(), *place.path.stem.encode(), take])
-        phone = PHONES[recipe.phone]
         other = np.random.default_rng([recipe.seed, *name.encode()])  # leaves the take's own alone
         made = split == "train" and other.random() < recipe.varied
         if made:
             radiance = varied(radiance, other)
-        frames = film(radiance, phone, PAPER_RIG, recipe.frames, rng, place.synthetic_ground)
+            light = _light(radiance, place) if light else None
+        seed = [recipe.seed, *split.encode(), *place.path.stem.encode()]
+        if light:
+            camera, frames = _filmed_by_many(light, place, split, recipe.frames, [*seed], take)
+        else:
+            rng = np.random.default_rng([*seed, take])
+            camera, phone = recipe.phone, PHONES[recipe.phone]
+            frames = film(radiance, phone, PAPER_RIG, recipe.frames, rng, place.synthetic_ground)
         for number, frame in enumerate(frames):
-            yield _example(frame, number, split, place, name, recipe.phone, made)
+            yield _example(frame, number, split, place, name, camera, made)
+
+
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    """A panorama, and for recipe v2 its light."""
+
+    radiance: np.ndarray
+    light: PlaceLight | None
+
+
+def _light(radiance: np.ndarray, place: Place) -> PlaceLight:
+    rng = np.random.default_rng([*place.name.encode()])
+    return PlaceLight.of(radiance, float(rng.normal(*_EV100[place.scene])))
+
+
+def _filmed_by_many(
+    light: PlaceLight, place: Place, split: str, frames: int, seed: list[int], take: int
+) -> tuple[str, Iterator[Frame]]:
+    """The camera of a take of recipe v2 and its frames.
+
+    Test takes come in pairs, held in the same way: one of the family, then the camera kept for
+    them, so that the two compare view by view.
+    """
+    paired = split.startswith("unseen")
+    rng = np.random.default_rng([*seed, take // 2 if paired else take])
+    own = np.random.default_rng([*seed, take, 1])
+    phone = kept_phone(own) if paired and take % 2 else draw_phone(own)
+    height = 1.0 if place.synthetic_ground else drawn_height(rng)
+    seen = light if height == 1 else light.from_height(height)
+    return phone.name, film_many(seen, phone, PAPER_RIG, frames, rng, place.synthetic_ground)
 
 
 def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation]:
@@ -209,6 +257,7 @@ def _example(
         details={
             "world_from_camera": frame.pose.round(6).tolist(),
             "log_gain": [round(g, 6) for g in frame.setting.log_gain],
+            **frame.known,
             **({"varied": True} if made else {}),
         },
     )
@@ -221,6 +270,9 @@ def _described(recipe: Recipe, places: list[Place]) -> dict[str, Any]:
     """What the plan remembers, so that a changed folder or setting is noticed."""
     files = {p.path.name: [p.name, p.split, p.scene] for p in places}
     settings = asdict(recipe)
+    # Data sets older than these settings go on.
     if not recipe.varied:
-        del settings["varied"]  # data sets older than this setting go on
+        del settings["varied"]
+    if recipe.phones == "v1":
+        del settings["phones"]
     return {"made_by": "deeplight simulate", **settings, "panoramas": files}

@@ -1,7 +1,8 @@
 """One take: a phone with the rig in front of it, held and moved by a hand inside a panorama."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -48,6 +49,7 @@ class Frame:
         true_lighting: radiance relative to camera white, camera frame.
         pose: world_from_camera.
         setting: exposure and white balance.
+        known: what else is exactly true of the frame; JSON values.
     """
 
     background: UInt8[np.ndarray, "height width 3"]
@@ -56,6 +58,7 @@ class Frame:
     true_lighting: Lighting
     pose: Rotation
     setting: Setting
+    known: Mapping[str, Any] = field(default_factory=dict)
 
 
 def film(
