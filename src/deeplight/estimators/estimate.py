@@ -1,46 +1,125 @@
 """A photo in, the light of its scene out: `deeplight.estimate(photo)`."""
 
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from deeplight.lighting import Lighting
+from deeplight.environment import Environment
+from deeplight.errors import InputError
 
 if TYPE_CHECKING:
-    from deeplight.estimators.onnx import OnnxEstimator
+    from deeplight.estimators.network import NetworkEstimator
 
-_default: list["OnnxEstimator"] = []
+BATCH = 16
+"""Photos that the network sees at once; more make it no faster."""
+
+_default: list["NetworkEstimator"] = []
 
 
-def estimate(photo: Any, fov_deg: float | None = None) -> Lighting:
+def estimate(photo: Any, fov_deg: float | None = None, height: int = 256) -> Environment:
     """Estimate the light of a photo with the shipped model.
 
-    The first call loads the model, later ones reuse it.
+    Where the camera looked, the environment is the photo itself; elsewhere it is the network's
+    estimate. The first call loads the model, later ones reuse it.
 
     Args:
-        photo: a file's path, a Pillow image or upright RGB pixels, (height, width, 3), uint8 or
-            float in [0, 1], gamma-encoded.
+        photo: a file's path, its bytes or an open file, a Pillow image, pixels (height, width[,
+            channels]; grey, RGB or RGBA; uint8, uint16 or float in [0, 1]; gamma-encoded), or a
+            torch tensor of such pixels, channels first.
         fov_deg: vertical field of view of the upright photo in degrees. Left out, it is taken from
-            the file's EXIF data, and without those the long side is assumed to span 66 degrees.
+            EXIF data, and without those the long side is assumed to span 66 degrees.
+        height: rows of the environment, 64 to 2048.
 
     Returns:
         Radiance from all directions relative to the camera's white, in the photo's camera frame:
-        +X right, +Y up, -Z the view.
+        +X right, +Y up, -Z the view. `.lighting` is the same on the 32 x 32 mirror ball, `.lamps`
+        are the compact lights in it, `.seen` is what the photo showed.
 
     Raises:
         InputError: the photo cannot be used, or the model is missing.
         OSError: the file cannot be read.
 
-    >>> lighting = deeplight.estimate("photo.jpg")  # doctest: +SKIP
-    >>> lighting.latlong().shape  # doctest: +SKIP
-    (256, 512, 3)
+    >>> import numpy as np
+    >>> grey = np.full((240, 180, 3), 128, np.uint8)
+    >>> environment = deeplight.estimate(grey, fov_deg=66)
+    >>> environment.radiance.shape, environment.unit
+    ((256, 512, 3), 'camera_white')
+    >>> bool(abs(environment.radiance[128, 256] - (128 / 255) ** 2.2).max() < 0.01)
+    True
     """
-    return default_estimator().estimate(photo, fov_deg)
+    return load_estimator().environment(photo, fov_deg, height)
 
 
-def default_estimator() -> "OnnxEstimator":
-    """Give the estimator of the shipped model, loaded once for the whole process."""
+def estimate_many(
+    photos: Iterable[Any],
+    fov_deg: float | None = None,
+    height: int = 256,
+    *,
+    estimator: "NetworkEstimator | None" = None,
+    progress: Callable[[int], None] = lambda done: None,
+    on_error: Callable[[int, InputError | OSError], None] | None = None,
+) -> list[Environment | None]:
+    """Estimate the light of many photos; the network sees several at once.
+
+    Args:
+        photos: as `estimate` takes them; read one after the other.
+        fov_deg, height: as for `estimate`, the same for all.
+        estimator: of `load_estimator`; left out, the shipped model.
+        progress: called with the number of photos done.
+        on_error: called with the number of a photo that cannot be used, from 0, and the reason; its
+            place in the result is None. Left out, the first such photo ends the call.
+
+    Returns:
+        One environment for each photo, in their order.
+
+    Raises:
+        InputError, OSError: a photo cannot be used, and there is no `on_error`.
+    """
+    network = estimator or load_estimator()
+    results: list[Environment | None] = []
+    batch: list[tuple[int, Any]] = []
+
+    def finish() -> None:
+        lights = network.environments([opened for _, opened in batch], fov_deg, height)
+        for (number, _), light in zip(batch, lights, strict=True):
+            results[number] = light
+        batch.clear()
+        progress(len(results))
+
+    from deeplight.io.photo_like import as_photo
+
+    for number, photo in enumerate(photos):
+        results.append(None)
+        try:
+            batch.append((number, as_photo(photo)))
+        except (InputError, OSError) as error:
+            if on_error is None:
+                raise
+            on_error(number, error)
+        if len(batch) == BATCH:
+            finish()
+    if batch:
+        finish()
+    return results
+
+
+def load_estimator(model: Any = None, threads: int | None = None) -> "NetworkEstimator":
+    """The estimator of a model; see `deeplight.estimators.open.open_model`.
+
+    Args:
+        model: a .onnx or .tflite file, "package.module:Class" or the name of an entry point in
+            `deeplight.estimators`; left out, the shipped model, loaded once for the whole process.
+        threads: cores the network may use; left out, all that this process has, at most 4.
+
+    Raises:
+        InputError: the model cannot be used.
+    """
+    # Here, so that `import deeplight` loads neither onnxruntime nor the model.
+    from deeplight.estimators.open import open_model
+
+    if model is not None or threads is not None:
+        return open_model(model, threads)
     if not _default:
-        # Here, so that `import deeplight` loads neither onnxruntime nor the model.
-        from deeplight.estimators.onnx import OnnxEstimator
-
-        _default.append(OnnxEstimator())
+        _default.append(open_model())
     return _default[0]
+
+

@@ -16,8 +16,8 @@ from jaxtyping import Float32
 
 from deeplight.contract import LAMP_NUMBERS, ModelContract
 from deeplight.errors import ModelError, ShapeError
-from deeplight.estimators.protocol import PhotoLike, as_photo
 from deeplight.frames import normalised
+from deeplight.io.photo_like import PhotoLike, as_photo
 from deeplight.io.photos import Photo
 from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting

@@ -14,7 +14,7 @@ from deeplight.errors import ConfigError, ModelError
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.onnx import shipped_model
 from deeplight.estimators.open import open_model
-from deeplight.estimators.protocol import PhotoLike
+from deeplight.io.photo_like import PhotoLike
 from deeplight.lighting import Lighting
 from deeplight.preprocess import frame_photo, network_input
 

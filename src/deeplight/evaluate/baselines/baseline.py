@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from jaxtyping import Float32
 
-from deeplight.estimators.protocol import PhotoLike, as_photo
+from deeplight.io.photo_like import PhotoLike, as_photo
 from deeplight.lighting import Lighting
 from deeplight.preprocess import frame_photo, network_input
 

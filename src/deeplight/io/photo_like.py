@@ -1,0 +1,129 @@
+"""Anything that holds a photo as a `Photo`: the same picture gives the same pixels, whatever it is.
+
+Files, bytes and Pillow's images go through `read_photo`, so that orientation, field of view,
+transparency and colour are decided in one place.
+"""
+
+from io import BufferedIOBase, RawIOBase
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+from deeplight.errors import ImageFileError, InputError, ShapeError
+from deeplight.io.photos import MIN_SIDE, Photo, read_photo
+
+PhotoLike = Photo | Path | str | bytes | BinaryIO | np.ndarray | Image.Image
+"""A photo: read already; a file's path, its bytes or an open file; Pillow's image; pixels, (height,
+width), (height, width, 1), RGB or RGBA, uint8, uint16 or float in [0, 1], gamma-encoded; or a torch
+tensor of such pixels, (channels, height, width)."""
+
+
+def as_photo(photo: Any) -> Photo:
+    """Bring a `PhotoLike` to an upright 8-bit RGB `Photo`.
+
+    Raises:
+        OSError: there is no such file, it is a folder, or reading it is not permitted.
+        InputError: it is none of these, is damaged, or its pixels have no usable shape or range.
+    """
+    if isinstance(photo, Photo):
+        return photo
+    if isinstance(photo, str | Path):
+        return read_photo(photo)
+    if isinstance(photo, Image.Image):
+        return _of_pillow(photo)
+    if isinstance(photo, bytes | bytearray | memoryview):
+        return _of_bytes(bytes(photo))
+    if isinstance(photo, RawIOBase | BufferedIOBase) or hasattr(photo, "read"):
+        content = photo.read()
+        if not isinstance(content, bytes):
+            raise _unusable("a file opened in binary mode", "text", 'open it with "rb"')
+        return _of_bytes(content)
+    if type(photo).__module__.split(".")[0] == "torch":
+        photo = _of_tensor(photo)
+    if isinstance(photo, np.ndarray):
+        pixels = _checked(photo)
+        # Transparency is laid over what files are laid over.
+        return Photo(pixels) if pixels.shape[2] == 3 else _of_pillow(Image.fromarray(pixels))
+    raise _unusable("a path, bytes, an open file, a Pillow image or pixels", _kind(photo))
+
+
+def _of_bytes(content: bytes) -> Photo:
+    """Read a file that is in memory; the readers know files by their content, not by their name."""
+    with TemporaryDirectory(prefix="deeplight-") as folder:
+        path = Path(folder) / "photo"
+        path.write_bytes(content)
+        return _nameless(path, read_photo)
+
+
+def _of_pillow(picture: Image.Image) -> Photo:
+    """Read what Pillow holds, with its EXIF data and colour profile, from a lossless file."""
+    with TemporaryDirectory(prefix="deeplight-") as folder:
+        path = Path(folder) / "photo.tif"
+        try:
+            # Lazily read files fail here; TIFF holds every mode that a photo can have.
+            profile = picture.info.get("icc_profile")
+            convertible = picture if picture.mode in _TIFF_MODES else picture.convert("RGBA")
+            convertible.save(path, "TIFF", exif=picture.getexif(), icc_profile=profile)
+        except (OSError, SyntaxError, ValueError) as error:
+            got = f"a Pillow image that fails: {error}"
+            raise ImageFileError("a complete image", got, "check the file it came from") from error
+        return _nameless(path, read_photo)
+
+
+_TIFF_MODES = frozenset("L LA RGB RGBA CMYK I;16 F".split())
+
+
+def _nameless(path: Path, read: Any) -> Photo:
+    try:
+        photo: Photo = read(path)
+    except InputError as error:
+        got = error.got.replace(str(path), "the picture")
+        raise ImageFileError(error.expected, got, error.do) from error
+    return Photo(photo.pixels, None, photo.vertical_fov_rad, photo.notes)
+
+
+def _of_tensor(tensor: Any) -> np.ndarray:
+    """Pixels of a torch tensor, (channels, height, width), in numpy's order."""
+    pixels = np.asarray(tensor.detach().cpu().numpy())
+    if pixels.ndim == 3 and pixels.shape[0] in (1, 3, 4):
+        return pixels.transpose(1, 2, 0)
+    if pixels.ndim == 2:
+        return pixels
+    do = "give one picture, channels first"
+    raise ShapeError("a tensor (channels, height, width)", f"shape {pixels.shape}", do)
+
+
+def _checked(pixels: np.ndarray) -> UInt8[np.ndarray, "height width channels"]:
+    """8-bit RGB or RGBA of grey, RGB or RGBA pixels."""
+    if pixels.ndim == 2:
+        pixels = pixels[..., None]
+    if pixels.ndim != 3 or pixels.shape[2] not in (1, 3, 4) or min(pixels.shape[:2]) < MIN_SIDE:
+        expected = f"grey, RGB or RGBA pixels (height, width, channels), {MIN_SIDE} or more a side"
+        raise ShapeError(expected, f"shape {pixels.shape}", "convert the photo first")
+    eight_bit = _eight_bit(pixels)
+    return np.repeat(eight_bit, 3, axis=2) if eight_bit.shape[2] == 1 else eight_bit
+
+
+def _eight_bit(pixels: np.ndarray) -> UInt8[np.ndarray, "height width channels"]:
+    if pixels.dtype == np.uint8:
+        return pixels
+    if pixels.dtype == np.uint16:
+        pixels = pixels / np.float32(65535)
+    in_range = pixels.dtype.kind == "f" and pixels.min() >= 0 and pixels.max() <= 1
+    if not in_range:  # NaN compares false and ends here too
+        got = f"{pixels.dtype} outside it" if pixels.dtype.kind == "f" else f"{pixels.dtype}"
+        expected = "uint8 or uint16 pixels, or floats in [0, 1]"
+        raise ShapeError(expected, got, "encode the photo first")
+    return np.floor(pixels * 255 + 0.5).astype(np.uint8)
+
+
+def _kind(value: Any) -> str:
+    return "nothing (None)" if value is None else f"a {type(value).__name__}"
+
+
+def _unusable(expected: str, got: str, do: str = "give one of these") -> InputError:
+    return InputError(expected, got, do)
