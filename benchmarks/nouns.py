@@ -47,7 +47,7 @@ def main() -> None:
         "ball 32 -> cube 128": lighting.cube,
         "ball 32 turned": lambda: lighting.rotated(TURN),
         "three spheres relit": lambda: relight_rig(PAPER_RIG, lighting),
-        "harmonics": lambda: harmonics.project(lighting),
+        "harmonics": lambda: harmonics.spherical_harmonics(lighting),
         "dominant light": lambda: harmonics.dominant_light(lighting),
         **{f"basis of {name}": lambda name=name: build(name) for name in SPHERES},
     }

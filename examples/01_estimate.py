@@ -9,27 +9,31 @@ from pathlib import Path
 import numpy as np
 
 import deeplight
-from deeplight.harmonics import dominant_light, project
-from deeplight.io.environment_file import load_lighting
-from deeplight.io.lighting_file import save_lighting
 
 PHOTO = Path(__file__).parent / "photos" / "pagoda.jpg"
 
 
 def main(photo: Path = PHOTO, out: Path = Path("out/examples")) -> None:
     """Write `<photo>.exr` and `.json`, and print the light in numbers."""
-    lighting = deeplight.estimate(photo, fov_deg=50)  # leave fov_deg out if the photo has EXIF data
+    environment = deeplight.estimate(photo, fov_deg=50)  # leave fov_deg out if there is EXIF data
 
-    light = dominant_light(lighting)
+    print(environment)
+    light = environment.main_light
     right, up, back = light.direction
     print(f"main light: {light.share:.0%} of all power, direction {right:.2f} {up:.2f} {back:.2f}")
     print(f"  that is {np.degrees(np.arcsin(up)):.0f} degrees above the camera's horizon,")
     print(f"  {'behind' if back > 0 else 'in front of'} the camera")
-    print(f"panorama {lighting.latlong().shape}, six cube faces {lighting.cube().shape}")
-    print(f"mean radiance {project(lighting)[0] * 0.282095} (1 is the camera's white)")
+    for lamp in environment.lamps:
+        print(
+            f"lamp of {np.degrees(lamp.angular_radius_rad):.1f} degrees, flux {lamp.flux.round(2)}"
+        )
+    print(f"six cube faces {environment.cube().shape}")
+    mean = deeplight.spherical_harmonics(environment)[0] * 0.282095
+    print(f"mean radiance {mean} (1 is the camera's white)")
 
-    files = save_lighting(lighting, out / photo.stem)
-    assert np.array_equal(load_lighting(files[-1]).radiance, lighting.radiance)
+    files = deeplight.convert(environment, out / f"{photo.stem}.json")
+    back_again = deeplight.read_environment(files[0])
+    assert np.allclose(back_again.lighting.power(), environment.lighting.power(), rtol=0.03)
     print("wrote", *files)
 
 

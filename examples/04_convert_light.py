@@ -1,33 +1,31 @@
-"""Edit an estimate and hand it to several tools; draw the labelled test panorama beside it.
+"""Edit an estimate and hand it to several tools.
 
 python examples/04_convert_light.py [PHOTO] [OUT]
+
+`deeplight convert --test-panorama --out labelled.exr` writes a labelled panorama to check axes.
 """
 
 import sys
 from pathlib import Path
 
 import deeplight
-from deeplight.edit import Edit
-from deeplight.environment import Environment
-from deeplight.formats.files import Wish, write_environment
-from deeplight.formats.labelled import labelled_environment
 
 PHOTO = Path(__file__).parent / "photos" / "pagoda.jpg"
 
 
 def main(photo: Path = PHOTO, out: Path = Path("out/examples")) -> None:
     """Write the light as glTF, for Blender, three.js and WebXR, and as a cube."""
-    lighting = deeplight.estimate(photo, fov_deg=50)  # leave fov_deg out if the photo has EXIF data
-    whole = Environment(lighting.latlong(256))
-    light = whole.main_light
+    environment = deeplight.estimate(photo, fov_deg=50)  # leave fov_deg out if there is EXIF data
+    light = environment.main_light
     print(f"main light: direction {light.direction.round(2)}, colour {light.colour.round(2)}")
 
-    softer = whole.edited(Edit(main_light=0.5, turn=(30, 0, 0), neutral=0.2))
-    wishes = [Wish(out / f"softer{end}") for end in (".glb", ".py", ".js", ".webxr.json", ".jpg")]
-    wishes.append(Wish(out / "softer_cube.exr", mapping="cube", made_for="three", size=64))
-    for wish in wishes:
-        print("wrote", *write_environment(softer, wish))
-    print("wrote", *write_environment(labelled_environment(), Wish(out / "labelled.exr")))
+    softer = environment.edited(deeplight.Edit(main_light=0.5, turn=(30, 0, 0), neutral=0.2))
+    for ending in (".glb", ".py", ".js", ".webxr.json", ".jpg"):
+        print("wrote", *deeplight.convert(softer, out / f"softer{ending}"))
+    cube = deeplight.convert(
+        softer, out / "softer_cube.exr", mapping="cube", made_for="three", size=64
+    )
+    print("wrote", *cube)
 
 
 if __name__ == "__main__":

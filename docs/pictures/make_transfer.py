@@ -42,7 +42,9 @@ def main() -> None:
 
 def compared(transfer: Transfer, finish: str, lighting: Lighting) -> np.ndarray:
     """By transfer; path traced in the same light; path traced in all of the light."""
-    same, whole = (harmonics.project(lighting, order).astype(float) for order in (4, WHOLE))
+    same, whole = (
+        harmonics.spherical_harmonics(lighting, order).astype(float) for order in (4, WHOLE)
+    )
     fast, slow = shaded(transfer, same, finish), traced(transfer, same, finish)
     difference = np.abs(pixels(fast) - pixels(slow)) * 4
     tiles = [
@@ -56,7 +58,7 @@ def compared(transfer: Transfer, finish: str, lighting: Lighting) -> np.ndarray:
 
 def turned(transfer: Transfer, lighting: Lighting) -> np.ndarray:
     """The light turned about the vertical, by transfer alone."""
-    light = harmonics.project(lighting, 4).astype(float)
+    light = harmonics.spherical_harmonics(lighting, 4).astype(float)
     tiles = []
     for degrees in (0, 90, 180, 270):
         turn = harmonics.turning(rotation("y", np.radians(degrees)), 4)

@@ -2,9 +2,9 @@
 
     import deeplight
 
-    lighting = deeplight.estimate("photo.jpg")     # Lighting: HDR, all around, camera frame
-    panorama = lighting.latlong(256)               # (256, 512, 3) linear radiance
-    deeplight.save_lighting(lighting, "out/photo")
+    environment = deeplight.estimate("photo.jpg")    # Environment: HDR, all around, camera frame
+    panorama = environment.radiance                  # (256, 512, 3) linear radiance
+    deeplight.convert(environment, "light.exr")      # or .glb, .hdr, .json, .py for Blender ...
 
 The names below are loaded when first used, so importing the package costs next to nothing.
 """
@@ -15,63 +15,55 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from deeplight.camera import PinholeCamera
     from deeplight.camera_response import CameraResponse
-    from deeplight.contract import ModelContract
+    from deeplight.edit import Edit
+    from deeplight.environment import Environment
     from deeplight.errors import DeepLightError, InputError
-    from deeplight.estimators.estimate import estimate
-    from deeplight.estimators.onnx import OnnxEstimator
-    from deeplight.harmonics import dominant_light, irradiance, project
-    from deeplight.io.environment_file import load_lighting
-    from deeplight.io.lighting_file import save_lighting
-    from deeplight.io.photos import read_photo
+    from deeplight.estimators.estimate import estimate, estimate_many, load_estimator
+    from deeplight.formats.convert import convert
+    from deeplight.harmonics import dominant_light, spherical_harmonics
+    from deeplight.io.environment_file import read_environment
     from deeplight.lighting import Lighting
-    from deeplight.reflectance import ReflectanceBasis, analytic_basis
+    from deeplight.reflectance import analytic_basis
     from deeplight.relight import relight_rig
-    from deeplight.sphere import Rig, SphereView
+    from deeplight.sphere import PAPER_RIG
 
 _HOME = {
     "CameraResponse": "camera_response",
     "DeepLightError": "errors",
+    "Edit": "edit",
+    "Environment": "environment",
     "InputError": "errors",
     "Lighting": "lighting",
-    "ModelContract": "contract",
-    "OnnxEstimator": "estimators.onnx",
-    "PinholeCamera": "camera",
-    "ReflectanceBasis": "reflectance",
-    "Rig": "sphere",
-    "SphereView": "sphere",
+    "PAPER_RIG": "sphere",
     "analytic_basis": "reflectance",
+    "convert": "formats.convert",
     "dominant_light": "harmonics",
     "estimate": "estimators.estimate",
-    "irradiance": "harmonics",
-    "load_lighting": "io.environment_file",
-    "project": "harmonics",
-    "read_photo": "io.photos",
+    "estimate_many": "estimators.estimate",
+    "load_estimator": "estimators.estimate",
+    "read_environment": "io.environment_file",
     "relight_rig": "relight",
-    "save_lighting": "io.lighting_file",
+    "spherical_harmonics": "harmonics",
 }
 
 __all__ = [
     "CameraResponse",
     "DeepLightError",
+    "Edit",
+    "Environment",
     "InputError",
     "Lighting",
-    "ModelContract",
-    "OnnxEstimator",
-    "PinholeCamera",
-    "ReflectanceBasis",
-    "Rig",
-    "SphereView",
+    "PAPER_RIG",
     "analytic_basis",
+    "convert",
     "dominant_light",
     "estimate",
-    "irradiance",
-    "load_lighting",
-    "project",
-    "read_photo",
+    "estimate_many",
+    "load_estimator",
+    "read_environment",
     "relight_rig",
-    "save_lighting",
+    "spherical_harmonics",
 ]
 
 

@@ -17,7 +17,7 @@ from deeplight.frames import Rotation
 from deeplight.harmonics import DominantLight, dominant_light_of_latlong
 from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
-from deeplight.mappings import latlong, resample
+from deeplight.mappings import latlong, layouts, resample
 
 MOST_NEGATIVE = 0.01
 """Share of the power that may be negative: the ringing that some published panoramas carry."""
@@ -97,6 +97,14 @@ class Environment:
             self, radiance=resample.turned_latlong(self.radiance, new_from_old), seen=seen
         )
 
+    def latlong(self, height: int | None = None) -> Float[np.ndarray, "height width 3"]:
+        """The panorama, averaged or interpolated to a number of rows."""
+        return self.radiance if height is None else layouts.resized(self.radiance, height)
+
+    def cube(self, size: int = 128) -> Float[np.ndarray, "6 size size 3"]:
+        """The light as the six cube faces of `cube.FACES`, each pixel an area average."""
+        return layouts.cube_from_latlong(self.radiance, size)
+
     @cached_property
     def lighting(self) -> Lighting:
         """The same on the 32 x 32 mirror ball."""
@@ -159,7 +167,7 @@ class Environment:
         return dominant_light_of_latlong(self.radiance)
 
     def __repr__(self) -> str:
-        known = "" if self.seen is None else f", {self.seen.mean():.0%} of the picture seen"
+        known = "" if self.seen is None else f", {self.seen.mean():.0%} of it seen"
         size = f"{self.radiance.shape[1]} x {self.height}"
         return f"Environment({size}, {self.frame} frame, unit {self.unit}{known})"
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from deeplight.camera_response import LUMINANCE
 from deeplight.frames import Rotation, turned
-from deeplight.lighting import Lighting
+from deeplight.lighting import HasLighting, Lighting
 from deeplight.mappings import latlong, mirror_ball
 
 CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1], np.float32)
@@ -53,8 +53,18 @@ def turning(new_from_old: Rotation, order: int) -> Float[np.ndarray, "n n"]:
     return basis(turned(directions, new_from_old), order).T @ (weights[:, None] * old)
 
 
-def project(lighting: Lighting, order: int = 2) -> Float[np.ndarray, "coefficients 3"]:
-    """Radiance coefficients of lighting: its integral against each harmonic."""
+def spherical_harmonics(light: HasLighting, order: int = 2) -> Float[np.ndarray, "coefficients 3"]:
+    """Radiance coefficients of a `Lighting` or an `Environment`: its integral with each harmonic.
+
+    Orthonormal real harmonics, order 00, 1-1, 10, 11, 2-2 ..., all positive (three.js, Ramamoorthi
+    and Hanrahan 2001).
+
+    >>> import numpy as np
+    >>> white = deeplight.Lighting(np.ones((32, 32, 3), np.float32))
+    >>> float(deeplight.spherical_harmonics(white)[0, 0].round(3))  # 2 sqrt(pi)
+    3.545
+    """
+    lighting = light.lighting
     directions, inside = mirror_ball.subpixels(lighting.size)
     values = (basis(directions, order) * inside[..., None]).sum(1)
     values /= inside.sum(1, keepdims=True).clip(1)
@@ -151,12 +161,17 @@ class DominantLight:
         return self.irradiance / largest if largest > 0 else np.ones(3, np.float32)
 
 
-def dominant_light(lighting: Lighting, cone_rad: float = 0.35) -> DominantLight:
+def dominant_light(light: HasLighting, cone_rad: float = 0.35) -> DominantLight:
     """Find the brightest spot of `cone_rad` radius and what it adds over its surroundings.
 
     The spot is where the light, blurred to the cone, peaks; it counts as light above the
     scene's mean outside the cone. Its direction is the power-weighted mean.
+
+    Args:
+        light: a `Lighting`, or an `Environment`, whose `main_light` is as fine as it is.
+        cone_rad: radius of the spot.
     """
+    lighting = light.lighting
     directions = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)
     solid_angle = mirror_ball.solid_angles(lighting.size).reshape(-1, 1)
     radiance = lighting.radiance.reshape(-1, 3)

@@ -1,7 +1,7 @@
 """Lighting: the value every step hands on."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -11,6 +11,15 @@ from deeplight.frames import Rotation
 from deeplight.mappings import mirror_ball, resample
 
 LIGHTING_SIZE = 32  # the network's output
+
+
+@runtime_checkable
+class HasLighting(Protocol):
+    """What has light on the mirror ball: a `Lighting` itself, or an `Environment`."""
+
+    @property
+    def lighting(self) -> "Lighting":
+        """Its light on the mirror ball."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +63,11 @@ class Lighting:
         return cls(resample.ball_from_latlong(radiance, size, turn, exact_power=True))
 
     @property
+    def lighting(self) -> Self:
+        """Itself, so that what takes an environment's light takes this, too."""
+        return self
+
+    @property
     def size(self) -> int:
         """Pixels along the ball."""
         return len(self.radiance)
@@ -77,3 +91,7 @@ class Lighting:
     def power(self) -> Float[np.ndarray, "3"]:
         """Radiance summed over all directions, per channel; white light of 1 gives 4 pi."""
         return np.einsum("ij,ijc->c", mirror_ball.solid_angles(self.size), self.radiance)
+
+    def __repr__(self) -> str:
+        mean = self.power() / (4 * np.pi)
+        return f"Lighting({self.size} x {self.size} ball, mean radiance {mean.round(3).tolist()})"

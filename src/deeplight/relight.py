@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from deeplight.errors import ShapeError
-from deeplight.lighting import Lighting
+from deeplight.lighting import HasLighting, Lighting
 from deeplight.reflectance import ReflectanceBasis, rig_bases
 from deeplight.sphere import Rig
 
@@ -32,7 +32,15 @@ def relight(basis: ReflectanceBasis, lighting: Lighting) -> Float[np.ndarray, "s
     return (basis.weights @ lighting.radiance.reshape(-1, 3)).reshape(size, size, 3)
 
 
-def relight_rig(rig: Rig, lighting: Lighting) -> dict[str, Float[np.ndarray, "size size 3"]]:
-    """All three spheres of a rig under `lighting`, each in its own frame; linear radiance."""
+def relight_rig(rig: Rig, light: HasLighting) -> dict[str, Float[np.ndarray, "size size 3"]]:
+    """All three spheres of a rig under a light, each in its own frame; linear radiance.
+
+    >>> import numpy as np
+    >>> white = deeplight.Lighting(np.ones((32, 32, 3), np.float32))
+    >>> spheres = deeplight.relight_rig(deeplight.PAPER_RIG, white)
+    >>> {name: float(radiance[16, 16, 0].round(2)) for name, radiance in spheres.items()}
+    {'mirror': 0.83, 'matte_silver': 0.64, 'diffuse': 0.34}
+    """
+    lighting = light.lighting
     bases = rig_bases(rig, lighting.size)
     return {name: relight(basis, lighting) for name, basis in bases.items()}

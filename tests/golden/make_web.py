@@ -115,11 +115,13 @@ def light_golden() -> dict[str, Any]:
         "linear": packed(linear),
         "pixel": packed(camera_response.encode(camera_response.soft_clip(linear))),
         "basis_6": packed(harmonics.basis(sent, 6)),
-        "harmonics": {str(n): packed(harmonics.project(lighting, n)) for n in (2, 6)},
-        "irradiance": packed(harmonics.irradiance(harmonics.project(lighting), normals)),
+        "harmonics": {str(n): packed(harmonics.spherical_harmonics(lighting, n)) for n in (2, 6)},
+        "irradiance": packed(
+            harmonics.irradiance(harmonics.spherical_harmonics(lighting), normals)
+        ),
         "turn": TURN.ravel().tolist(),
         "turned": packed(area_turned(lighting, TURN)),
-        "turned_harmonics": packed(harmonics.project(lighting.rotated(TURN))),
+        "turned_harmonics": packed(harmonics.spherical_harmonics(lighting.rotated(TURN))),
         "equirect_16": packed(lighting.latlong(16)),
         "spheres": {n: packed(s) for n, s in relight_rig(PAPER_RIG, lighting).items()},
         "of_16": _light_of_16(lighting),
@@ -128,7 +130,7 @@ def light_golden() -> dict[str, Any]:
             "irradiance": packed(main.irradiance),
             "share": main.share,
             "angular_radius_rad": main.angular_radius_rad,
-            "remainder_harmonics": packed(harmonics.project(main.remainder)),
+            "remainder_harmonics": packed(harmonics.spherical_harmonics(main.remainder)),
         },
     }
 

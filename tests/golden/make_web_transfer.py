@@ -51,7 +51,7 @@ def light() -> np.ndarray:
     sun = normalised(np.array([0.5, 0.7, 0.6]))
     sky = np.where(directions[..., 1:2] > 0, [0.3, 0.4, 0.6], [0.2, 0.15, 0.1])
     radiance = sky + np.array([9, 8, 6]) * np.exp(12 * (directions @ sun - 1))[..., None]
-    return harmonics.project(Lighting(radiance.astype(np.float32)), 4)
+    return harmonics.spherical_harmonics(Lighting(radiance.astype(np.float32)), 4)
 
 
 def golden(content: bytes) -> dict[str, Any]:

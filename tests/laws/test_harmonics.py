@@ -91,10 +91,12 @@ def test_arcores_sign_negates_1_3_5_7() -> None:
 
 @pytest.mark.parametrize(("axis", "coefficient"), [((0, 1, 0), 1), ((0, 0, 1), 2), ((1, 0, 0), 3)])
 def test_light_from_an_axis_fills_its_coefficient(axis, coefficient: int) -> None:
-    coefficients = harmonics.project(lobe(np.array(axis, float), ambient=0))
+    coefficients = harmonics.spherical_harmonics(lobe(np.array(axis, float), ambient=0))
     assert coefficients[1:4].argmax(axis=0).tolist() == [coefficient - 1] * 3
     assert (coefficients[coefficient] > 0).all()
-    opposite = harmonics.project(lobe(-np.array(axis, float) + [0.01, 0.01, 0], ambient=0))
+    opposite = harmonics.spherical_harmonics(
+        lobe(-np.array(axis, float) + [0.01, 0.01, 0], ambient=0)
+    )
     assert (opposite[coefficient] < 0).all()
 
 
@@ -105,19 +107,19 @@ def test_projection_is_the_integral_of_a_panorama() -> None:
     values = harmonics.basis(directions).reshape(-1, 9)
     weight = latlong.solid_angles(512, 1024).reshape(-1, 1)
     want = (values * weight).T @ panorama.reshape(-1, 3)
-    got = harmonics.project(Lighting.from_latlong(panorama))
+    got = harmonics.spherical_harmonics(Lighting.from_latlong(panorama))
     np.testing.assert_allclose(got, want, atol=0.01 * np.abs(want).max())
 
 
 def test_white_light_gives_irradiance_pi_everywhere(unit_vectors) -> None:
-    coefficients = harmonics.project(Lighting(np.ones((32, 32, 3), np.float32)))
+    coefficients = harmonics.spherical_harmonics(Lighting(np.ones((32, 32, 3), np.float32)))
     irradiance = harmonics.irradiance(coefficients, unit_vectors(500))
     np.testing.assert_allclose(irradiance, np.pi, rtol=0.01)
 
 
 def test_irradiance_is_within_the_bound_of_brute_force(decades: Lighting, unit_vectors) -> None:
     normals = unit_vectors(500)
-    got = harmonics.irradiance(harmonics.project(decades), normals)
+    got = harmonics.irradiance(harmonics.spherical_harmonics(decades), normals)
     want = brute_irradiance(decades, normals)
     assert (np.abs(got - want) <= BOUND * decades.power()).all()
     # Light that is spread out does far better than the bound: 1 to 2 % of the mean.
@@ -128,7 +130,9 @@ def test_irradiance_is_within_the_bound_of_brute_force(decades: Lighting, unit_v
 def test_irradiance_of_a_lone_sun_is_within_the_bound(towards, unit_vectors) -> None:
     sun = lobe(np.array(towards) / np.linalg.norm(towards), ambient=0)
     normals = unit_vectors(2000)
-    error = harmonics.irradiance(harmonics.project(sun), normals) - brute_irradiance(sun, normals)
+    error = harmonics.irradiance(harmonics.spherical_harmonics(sun), normals) - brute_irradiance(
+        sun, normals
+    )
     worst = np.abs(error).max() / sun.power()[0]
     assert worst <= BOUND + 0.01  # and the sun's own ball pixel
     assert worst > 0.05  # the hardest light there is: the bound is no idle one
@@ -137,7 +141,9 @@ def test_irradiance_of_a_lone_sun_is_within_the_bound(towards, unit_vectors) -> 
 def test_turning_the_light_turns_band_1(decades: Lighting) -> None:
     turn = frames.world_from_camera(0.6, -0.3, 0.4)
     smooth = Lighting.from_latlong(decades.latlong(128), size=32)
-    before, after = (harmonics.project(light) for light in (smooth, smooth.rotated(turn)))
+    before, after = (
+        harmonics.spherical_harmonics(light) for light in (smooth, smooth.rotated(turn))
+    )
     xyz = [3, 1, 2]  # the band's coefficients in axis order
     scale = np.abs(before[0]).max()
     np.testing.assert_allclose(after[xyz], turn @ before[xyz], atol=0.01 * scale)
@@ -148,7 +154,10 @@ def test_turning_the_light_turns_band_1(decades: Lighting) -> None:
 
 
 def test_mirroring_the_light_negates_the_odd_in_x(decades: Lighting) -> None:
-    there, mirrored = harmonics.project(decades), harmonics.project(decades.mirrored())
+    there, mirrored = (
+        harmonics.spherical_harmonics(decades),
+        harmonics.spherical_harmonics(decades.mirrored()),
+    )
     sign = np.array([1, 1, 1, -1, -1, 1, 1, -1, 1])[:, None]
     np.testing.assert_allclose(mirrored, sign * there, atol=1e-3)
 
@@ -156,7 +165,10 @@ def test_mirroring_the_light_negates_the_odd_in_x(decades: Lighting) -> None:
 def test_projection_is_linear(decades: Lighting) -> None:
     twice = Lighting(2 * decades.radiance)
     np.testing.assert_allclose(
-        harmonics.project(twice), 2 * harmonics.project(decades), rtol=1e-3, atol=1e-3
+        harmonics.spherical_harmonics(twice),
+        2 * harmonics.spherical_harmonics(decades),
+        rtol=1e-3,
+        atol=1e-3,
     )
 
 

@@ -30,7 +30,7 @@ def light() -> np.ndarray:
     sky = np.array([0.4, 0.5, 0.7]) * np.clip(0.6 + directions[..., 1:2], 0.1, 1)
     glow = np.array([12, 11, 9]) * np.exp(40 * (directions @ sun - 1))[..., None]
     lighting = Lighting.from_latlong((sky + glow).astype(np.float32))
-    return harmonics.project(lighting, 4).astype(float)
+    return harmonics.spherical_harmonics(lighting, 4).astype(float)
 
 
 @pytest.fixture(scope="module")

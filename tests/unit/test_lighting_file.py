@@ -8,7 +8,7 @@ import pytest
 
 from deeplight.errors import ImageFileError
 from deeplight.formats.webxr import light_estimate
-from deeplight.harmonics import dominant_light, irradiance, project
+from deeplight.harmonics import dominant_light, irradiance, spherical_harmonics
 from deeplight.io.environment_file import load_lighting
 from deeplight.io.lighting_file import Turn, save_lighting
 from deeplight.io.orientation import TOOLS
@@ -76,7 +76,7 @@ def test_json_offers_both_signs_and_names_them(tmp_path: Path) -> None:
     harmonics = record["spherical_harmonics"]
     positive = np.array(harmonics["spherical_harmonics_coefficients"])
     negated = np.array(harmonics["spherical_harmonics_coefficients_condon_shortley"])
-    np.testing.assert_allclose(positive, project(lighting), rtol=1e-6)
+    np.testing.assert_allclose(positive, spherical_harmonics(lighting), rtol=1e-6)
     np.testing.assert_array_equal(positive[[0, 2, 4, 6, 8]], negated[[0, 2, 4, 6, 8]])
     np.testing.assert_array_equal(positive[[1, 3, 5, 7]], -negated[[1, 3, 5, 7]])
     light = record["dominant_light"]

@@ -46,7 +46,8 @@ def estimate(photo: Any, fov_deg: float | None = None, height: int = 256) -> Env
     >>> bool(abs(environment.radiance[128, 256] - (128 / 255) ** 2.2).max() < 0.01)
     True
     """
-    return load_estimator().environment(photo, fov_deg, height)
+    (environment,) = _environments(load_estimator(), [photo], fov_deg, height)
+    return environment
 
 
 def estimate_many(
@@ -74,18 +75,18 @@ def estimate_many(
     Raises:
         InputError, OSError: a photo cannot be used, and there is no `on_error`.
     """
+    from deeplight.io.photo_like import as_photo
+
     network = estimator or load_estimator()
     results: list[Environment | None] = []
     batch: list[tuple[int, Any]] = []
 
     def finish() -> None:
-        lights = network.environments([opened for _, opened in batch], fov_deg, height)
+        lights = _environments(network, [opened for _, opened in batch], fov_deg, height)
         for (number, _), light in zip(batch, lights, strict=True):
             results[number] = light
         batch.clear()
         progress(len(results))
-
-    from deeplight.io.photo_like import as_photo
 
     for number, photo in enumerate(photos):
         results.append(None)
@@ -123,3 +124,12 @@ def load_estimator(model: Any = None, threads: int | None = None) -> "NetworkEst
     return _default[0]
 
 
+def _environments(
+    network: "NetworkEstimator", photos: list[Any], fov_deg: float | None, height: int
+) -> list[Environment]:
+    from deeplight.estimators.environment import check_height, scene_light
+    from deeplight.io.photo_like import as_photo
+
+    check_height(height)
+    explained = network.explain_many([as_photo(photo) for photo in photos], fov_deg)
+    return [scene_light(estimate, height).environment for estimate in explained]

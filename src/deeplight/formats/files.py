@@ -14,7 +14,7 @@ from deeplight.environment import Environment
 from deeplight.errors import ConfigError, MissingExtraError
 from deeplight.formats.gltf import glb, gltf
 from deeplight.formats.webxr import light_estimate_file
-from deeplight.harmonics import project
+from deeplight.harmonics import spherical_harmonics
 from deeplight.io.atomic import replacing
 from deeplight.io.gain_map import write_gain_map_jpeg
 from deeplight.io.ktx2 import write_ktx2
@@ -241,7 +241,7 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, Wish], list[Path]
             "MAIN_LIGHT": json.dumps(lights[0]),
             "LIGHTS": json.dumps(lights),
             "APART": json.dumps(wish.lamps_apart),
-            "HARMONICS": json.dumps(project(environment.lights[-1].remainder).tolist()),
+            "HARMONICS": json.dumps(spherical_harmonics(environment.lights[-1].remainder).tolist()),
         }.items():
             text = text.replace(f"@{mark}@", value)
         return [*_picture(environment, beside), *_text(wish.path, text)]

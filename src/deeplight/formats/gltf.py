@@ -16,7 +16,7 @@ from PIL import Image
 
 from deeplight.environment import Environment
 from deeplight.frames import looking_at
-from deeplight.harmonics import irradiance_coefficients, project
+from deeplight.harmonics import irradiance_coefficients, spherical_harmonics
 from deeplight.io.orientation import GLTF_SIGN, gltf_faces
 from deeplight.mappings import cube, latlong
 from deeplight.mappings.layouts import cube_from_latlong, resized
@@ -62,7 +62,7 @@ def _pictures(environment: Environment) -> list[bytes]:
 def _document(environment: Environment) -> dict[str, Any]:
     """Everything but the pictures."""
     lights = environment.lights
-    harmonics = irradiance_coefficients(project(lights[-1].remainder))
+    harmonics = irradiance_coefficients(spherical_harmonics(lights[-1].remainder))
     image_light = {
         "name": "everything but the lights",
         "intensity": 1.0,

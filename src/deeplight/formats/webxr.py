@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deeplight.harmonics import CONDON_SHORTLEY, DominantLight, dominant_light, project
+from deeplight.harmonics import CONDON_SHORTLEY, DominantLight, dominant_light, spherical_harmonics
 from deeplight.io.orientation import CUBE_TOOLS, faces_for
 from deeplight.lighting import Lighting
 from deeplight.mappings import cube
@@ -31,7 +31,7 @@ def light_estimate(lighting: Lighting, main_light: DominantLight | None = None) 
         main_light: its dominant light, if it is known better than from the ball.
     """
     light = main_light or dominant_light(lighting)
-    coefficients = project(light.remainder) * CONDON_SHORTLEY[:, None]
+    coefficients = spherical_harmonics(light.remainder) * CONDON_SHORTLEY[:, None]
     x, y, z = (float(value) for value in light.direction)
     red, green, blue = (float(value) for value in light.irradiance)
     return {

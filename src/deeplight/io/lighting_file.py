@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from deeplight.errors import ImageFileError, InputError
-from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, project
+from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, spherical_harmonics
 from deeplight.io.atomic import replacing
 from deeplight.io.json_text import read_json
 from deeplight.io.radiance import write_exr, write_hdr
@@ -253,7 +253,7 @@ def _dominant(lighting: Lighting) -> dict[str, Any]:
 
 
 def _harmonics(lighting: Lighting) -> dict[str, Any]:
-    coefficients = project(lighting)
+    coefficients = spherical_harmonics(lighting)
     return {
         "quantity": "radiance of the whole environment, dominant light included",
         "order": "00, 1-1, 10, 11, 2-2, 2-1, 20, 21, 22, each RGB",
