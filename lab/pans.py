@@ -21,7 +21,7 @@ from jaxtyping import Float, UInt8
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import GAMMA
 from deeplight.frames import Rotation, rotation, turned, world_from_camera
-from deeplight.harmonics import irradiance, project
+from deeplight.harmonics import irradiance, spherical_harmonics
 from deeplight.io.photos import write_png
 from deeplight.io.radiance import write_exr
 from deeplight.io.video_writer import VideoWriter
@@ -202,7 +202,7 @@ def _exposed(
 
 def _illuminant(panorama: np.ndarray, pose: Rotation) -> Float[np.ndarray, "3"]:
     """Light on what stands in front of the camera: on its top and on the side seen."""
-    coefficients = project(Lighting.from_latlong(panorama, pose.T))
+    coefficients = spherical_harmonics(Lighting.from_latlong(panorama, pose.T))
     facing = irradiance(coefficients, np.eye(3, dtype=np.float32)[1:])
     return np.maximum(facing.mean(axis=0), 1e-6 * facing.max())
 
