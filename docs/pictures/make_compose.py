@@ -12,6 +12,7 @@ from deeplight.camera import PinholeCamera
 from deeplight.compose.compose import Composed, Item, Settings, compose
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.trace import Quality
+from deeplight.estimators.environment import scene_light
 from deeplight.estimators.estimate import default_estimator
 from deeplight.io.atomic import replacing
 from deeplight.io.photos import encode_jpeg, read_photo
@@ -62,7 +63,7 @@ def made(name: str, items: list[Item], **changes: bool) -> Composed:
     camera = PinholeCamera(width, height, estimate.framing.vertical_fov_rad)
     return compose(
         photo.pixels,
-        estimate.lighting.latlong(),
+        scene_light(estimate).environment.radiance,
         Viewpoint(camera, pitch_rad=PITCH_RAD),
         items,
         Settings(QUALITY, "scalar", **changes),

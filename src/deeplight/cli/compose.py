@@ -91,6 +91,7 @@ def _compose_photo(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
     from deeplight.compose.compose import compose
     from deeplight.compose.composite import write_layers
     from deeplight.compose.gravity import viewpoint_of
+    from deeplight.estimators.environment import scene_light
     from deeplight.estimators.onnx import OnnxEstimator
     from deeplight.io.atomic import replacing
     from deeplight.io.photos import encode_jpeg, encode_png, read_photo
@@ -98,7 +99,8 @@ def _compose_photo(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
     photo, estimator, light = read_photo(args.photo), OnnxEstimator(), _light(args)
     if light is None:
         estimate = estimator.explain(photo, args.fov)
-        light, framing, notes = estimate.lighting.latlong(), estimate.framing, estimate.notes
+        light = scene_light(estimate).environment.radiance
+        framing, notes = estimate.framing, estimate.notes
     else:
         framing, notes = estimator.frame(photo, args.fov), photo.notes
     viewpoint, assumed = viewpoint_of(photo.source, framing, _placement(args))

@@ -10,6 +10,7 @@ from jaxtyping import Float
 ENOUGH_SAMPLES = 64
 """With more than so many rays a pixel's own do."""
 
+_SPARK = 1.25  # times the second brightest neighbour
 _REACH = 2
 _ALIKE = 0.004  # squared difference of normals and albedos at which a neighbour counts 1 / e
 
@@ -26,6 +27,30 @@ def smooth_sums(
         first, last = (np.take(padded, range(k, k + sums.shape[axis]), axis) for k in (0, 2))
         sums = (first + 2 * sums + last) / 4
     return sums
+
+
+def without_sparks(
+    radiance: Float[np.ndarray, "height width 3"], cover: Float[np.ndarray, "height width"]
+) -> Float[np.ndarray, "height width 3"]:
+    """Dim each pixel that alone is brighter than all but one of its eight neighbours.
+
+    A ray that met a small lamp by chance makes one; the reflection of a lamp has several pixels.
+
+    Args:
+        radiance: times the cover.
+        cover: share of the pixel.
+    """
+    own = radiance.max(-1) / np.maximum(cover, 1e-6)
+    padded = np.pad(own, 1, mode="edge")
+    height, width = own.shape
+    around = [
+        padded[down : down + height, right : right + width]
+        for down, right in np.ndindex(3, 3)
+        if (down, right) != (1, 1)
+    ]
+    second = np.sort(np.stack(around), axis=0)[-2]
+    limit = np.maximum(_SPARK * second, 1e-6)
+    return radiance * np.minimum(1, limit / np.maximum(own, 1e-6))[..., None]
 
 
 def denoised(

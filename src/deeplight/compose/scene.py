@@ -112,7 +112,7 @@ def mitsuba_scene(mi: Any, scene: Scene, plane: bool = True, solids: bool = True
     turn = np.eye(4)
     # Mitsuba's environments have +Z in the centre column, ours -Z: half a turn about +Y.
     turn[:3, :3] = scene.viewpoint.world_from_camera @ frames.rotation("y", np.pi)
-    bitmap = mi.Bitmap(np.ascontiguousarray(scene.light, np.float32))
+    bitmap = mi.Bitmap(np.array(scene.light, np.float32, order="C"))  # it refuses read-only ones
     parts: dict[str, Any] = {
         "type": "scene",
         "light": {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(turn)},

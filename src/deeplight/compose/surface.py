@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from deeplight.camera_response import LUMINANCE
 from deeplight.compose.composite import radiance_of
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.scene import Colour, Solid, Texture, irradiance_on_plane
@@ -27,7 +28,7 @@ class Surface:
     """What the photo says of the surface.
 
     Attributes:
-        albedo: of the plane, limited to `ALBEDO_LIMITS`.
+        albedo: of the plane, its luminance within `ALBEDO_LIMITS`.
         measured: the same as measured.
         radiance: median of the photo's pixels around the objects.
     """
@@ -57,7 +58,19 @@ def surface_of(
     radiance: Colour = np.median(radiance_of(patch)[0], axis=0)
     irradiance = np.maximum(irradiance_on_plane(light, viewpoint), 1e-9)
     measured = np.pi * radiance / irradiance
-    return Surface(np.clip(measured, *ALBEDO_LIMITS), measured, radiance)
+    return Surface(limited(measured), measured, radiance)
+
+
+def limited(albedo: Colour) -> Colour:
+    """The albedo brought into `ALBEDO_LIMITS` by one factor, so that it keeps its colour.
+
+    A limit for each channel would make a dark red surface throw purple light.
+    """
+    low, high = ALBEDO_LIMITS
+    luminance = max(float(albedo @ LUMINANCE), 1e-9)
+    factor = np.clip(luminance, low, high) / luminance
+    factor = min(factor, high / max(float(albedo.max()), 1e-9))
+    return albedo * factor
 
 
 def texture_of(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from deeplight.compose.denoise import ENOUGH_SAMPLES, denoised, smooth_sums
+from deeplight.compose.denoise import ENOUGH_SAMPLES, denoised, smooth_sums, without_sparks
 from deeplight.compose.mitsuba_variant import mitsuba
 from deeplight.compose.scene import (
     MOST_BOUNCES,
@@ -38,6 +38,8 @@ SHAPE = "shape:shape_index"
 AOVS = f"{SHAPE},albedo:albedo,normal:sh_normal"
 AT_ONCE = 1_000_000  # rays: the LLVM variant keeps the whole state of each
 BORDER = 0.12  # part of a grid over which its shadow gives way to the next
+MOST_BOUNCED = 1.5
+"""A ray's light on the plane, over the brightest that falls there directly."""
 Progress = Callable[[int, int], None]
 
 
@@ -185,8 +187,10 @@ class _Tracer:
             shape, looks = self._met(camera, seed, objects)
             plane, solid = shape == self._plane, (shape != self._plane) & (shape > 0)
             full = self._radiance(self._full, camera, seed, MOST_BOUNCES)
-            shadowed += full * plane[..., None]
-            unshadowed += self._radiance(self._empty, camera, seed, 1) * plane[..., None]
+            bare = self._radiance(self._empty, camera, seed, 1) * plane[..., None]
+            # A ray that finds a small lamp by way of a mirror would be a bright dot.
+            shadowed += np.minimum(full * plane[..., None], MOST_BOUNCED * bare.max((0, 1)))
+            unshadowed += bare
             if objects:
                 if self._alone is not None:
                     full = self._radiance(self._alone, camera, seed, MOST_BOUNCES)
@@ -242,7 +246,7 @@ def _joined(
     columns = slice(near[0] - wide[0], near[2] - wide[0])
     objects, hidden = around.radiance, around.cover
     if rounds:
-        objects = denoised(objects, hidden, around.features)
+        objects = denoised(without_sparks(objects, hidden), hidden, around.features)
     radiance[rows, columns], cover[rows, columns] = objects, hidden
     sums = np.concatenate([around.shadowed, around.open], -1)
     sums = smooth_sums(sums, min(rounds, 6))
