@@ -24,10 +24,10 @@ from torch import Tensor, nn
 
 from deeplight.dataset import SplitIndex, open_dataset
 from deeplight.errors import ConfigError
-from deeplight.evaluate.baselines.nearest_neighbour import fitted_light
 from deeplight.evaluate.scores import Scores, rendered_radiance, score
 from deeplight.io.atomic import replacing
 from deeplight.reflectance import rig_bases
+from deeplight.solve import light_from_spheres
 from deeplight.sphere import SPHERES, Rig
 from deeplight.training.data import balanced_order
 from deeplight.training.fitted import principal_components
@@ -193,9 +193,13 @@ class Bench:
         """ln radiance that explains some of the training spheres."""
         numbers = np.linspace(0, len(train.spheres) - 1, FITS).astype(int)
         lights = np.stack(
-            [fitted_light(dict(zip(SPHERES, train.spheres[n], strict=True)), self.bases)
-             for n in numbers]
-        )  # fmt: skip
+            [
+                light_from_spheres(
+                    dict(zip(SPHERES, train.spheres[n], strict=True)), self.bases
+                ).radiance
+                for n in numbers
+            ]
+        )
         known = np.where(lights > 0, lights, START_RADIANCE)
         return torch.from_numpy(np.log(known)).float().permute(0, 3, 1, 2)
 

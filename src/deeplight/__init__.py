@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from deeplight.lighting import Lighting
     from deeplight.reflectance import analytic_basis
     from deeplight.relight import relight_rig
+    from deeplight.solve import light_from_spheres
     from deeplight.sphere import PAPER_RIG
 
 _HOME = {
@@ -41,6 +42,7 @@ _HOME = {
     "dominant_light": "harmonics",
     "estimate": "estimators.estimate",
     "estimate_many": "estimators.estimate",
+    "light_from_spheres": "solve",
     "load_estimator": "estimators.estimate",
     "read_environment": "io.environment_file",
     "relight_rig": "relight",
@@ -60,6 +62,7 @@ __all__ = [
     "dominant_light",
     "estimate",
     "estimate_many",
+    "light_from_spheres",
     "load_estimator",
     "read_environment",
     "relight_rig",

@@ -29,15 +29,14 @@ from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.evaluate import run as measuring
 from deeplight.evaluate import scores as scoring
 from deeplight.evaluate.baselines.baseline import ConstantLighting
-from deeplight.evaluate.baselines.best_constant import best_constant
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for
-from deeplight.evaluate.baselines.training_pixels import RigPixels
 from deeplight.evaluate.figures.spheres import answer_column, filmed_column
 from deeplight.frames import world_from_camera
 from deeplight.io.basis_file import save_bases
 from deeplight.io.photos import decode_rgb, encode_jpeg
 from deeplight.io.radiance import write_exr
 from deeplight.reflectance import ReflectanceBasis, analytic_basis, rig_bases
+from deeplight.solve import SphereCounts, solve_constant
 from deeplight.sphere import PAPER_RIG
 from toy_data import write_toy_data
 
@@ -89,10 +88,10 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
 
 @pytest.fixture(autouse=True)
 def short_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fit(pixels: list[RigPixels], start: np.ndarray) -> ConstantLighting:
-        return best_constant(pixels, start, steps=20)
+    def fit(pixels: list[SphereCounts], start: np.ndarray) -> np.ndarray:
+        return solve_constant(pixels, start, steps=20)
 
-    monkeypatch.setattr("deeplight.evaluate.baselines.suite.best_constant", fit)
+    monkeypatch.setattr("deeplight.evaluate.baselines.suite.solve_constant", fit)
 
 
 class Knowing(OnnxEstimator):

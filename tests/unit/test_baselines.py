@@ -15,15 +15,12 @@ from deeplight.dataset import (
     open_dataset,
     plan_split,
 )
-from deeplight.evaluate.baselines.best_constant import best_constant, constant_loss
 from deeplight.evaluate.baselines.khan_2006 import Khan2006
-from deeplight.evaluate.baselines.mean_spheres import mean_spheres
 from deeplight.evaluate.baselines.nearest_neighbour import (
     NearestNeighbour,
     chosen_photos,
     descriptor,
     descriptors_of,
-    fitted_light,
 )
 from deeplight.evaluate.baselines.photo_mean import PhotoMean
 from deeplight.evaluate.baselines.suite import (
@@ -34,12 +31,19 @@ from deeplight.evaluate.baselines.suite import (
     nearest_neighbour,
 )
 from deeplight.evaluate.baselines.training_mean import training_mean
-from deeplight.evaluate.baselines.training_pixels import RigPixels, training_pixels
+from deeplight.evaluate.baselines.training_pixels import training_pixels
 from deeplight.evaluate.metrics import masked_l1
 from deeplight.evaluate.scores import rendered_radiance
 from deeplight.mappings import mirror_ball
 from deeplight.preprocess import normalise
 from deeplight.reflectance import rig_bases
+from deeplight.solve import (
+    SphereCounts,
+    constant_loss,
+    light_from_spheres,
+    solve_constant,
+    solve_mean,
+)
 from deeplight.sphere import PAPER_RIG, SPHERES, Rig
 
 TURNED = Rig(
@@ -106,8 +110,8 @@ def test_pixels_are_counted_by_rig(data: DataSet) -> None:
 
 def test_the_mean_spheres_is_as_bright_as_the_mean_diffuse_sphere(data: DataSet) -> None:
     rigs = training_pixels(data)
-    q = mean_spheres(rigs[:1]).log_radiance
-    rendered = rendered_radiance(rigs[0].bases, q[None])["diffuse"][0]
+    q = solve_mean(rigs[:1])
+    rendered = rendered_radiance(rig_bases(PAPER_RIG), q[None])["diffuse"][0]
     mask = PAPER_RIG.views["diffuse"].mask()
     filmed = rigs[0].mean_linear("diffuse").reshape(32, 32, 3)
     np.testing.assert_allclose(rendered[mask].sum(0), filmed[mask].sum(0), rtol=1e-3)
@@ -115,7 +119,7 @@ def test_the_mean_spheres_is_as_bright_as_the_mean_diffuse_sphere(data: DataSet)
 
 def test_the_mean_spheres_has_its_lamp_where_the_lamp_is(data: DataSet) -> None:
     """In the camera frame, though the mirror sphere was seen in its own frames."""
-    q = mean_spheres(training_pixels(data)).log_radiance
+    q = solve_mean(training_pixels(data))
     brightest = np.where(DISC, q.sum(-1), -np.inf).argmax()
     direction = mirror_ball.pixel_directions(32).reshape(-1, 3)[brightest]
     towards = np.array([0.6, 0.7, 0.4]) / np.linalg.norm([0.6, 0.7, 0.4])
@@ -138,8 +142,8 @@ def test_the_counted_loss_is_the_loss_of_the_examples(data: DataSet) -> None:
 
 def test_no_other_constant_answers_training_better(data: DataSet) -> None:
     rigs = training_pixels(data)
-    start = mean_spheres(rigs).log_radiance
-    best = best_constant(rigs, start, steps=60).log_radiance
+    start = solve_mean(rigs)
+    best = solve_constant(rigs, start, steps=60)
     loss = constant_loss(rigs, best)
     assert loss < 0.9 * constant_loss(rigs, start)
     random = np.random.default_rng(0)
@@ -164,12 +168,12 @@ def test_constants_are_kept_beside_the_data_and_made_again_when_it_changed(
     module = "deeplight.evaluate.baselines.suite"
     calls = []
 
-    def counted(data: DataSet) -> list[RigPixels]:
+    def counted(data: DataSet) -> list[SphereCounts]:
         calls.append(data)
         return training_pixels(data)
 
     monkeypatch.setattr(f"{module}.training_pixels", counted)
-    monkeypatch.setattr(f"{module}.best_constant", lambda p, q: best_constant(p, q, steps=2))
+    monkeypatch.setattr(f"{module}.solve_constant", lambda p, q: solve_constant(p, q, steps=2))
     first = constant_baselines(data)
     again = constant_baselines(data)
     assert len(calls) == 1
@@ -191,7 +195,7 @@ def test_true_light_of_the_seen_split_is_no_baseline_for_the_seen_split(
     data: DataSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = "deeplight.evaluate.baselines.suite"
-    monkeypatch.setattr(f"{module}.best_constant", lambda p, q: best_constant(p, q, steps=2))
+    monkeypatch.setattr(f"{module}.solve_constant", lambda p, q: solve_constant(p, q, steps=2))
     assert "training_mean" in [b.name for b in baselines_for(data, "val")]
     assert "nearest_neighbour" not in [b.name for b in baselines_for(data, "train")]
     for split in ("seen", "seen_indoor"):
@@ -254,7 +258,7 @@ def test_a_training_photo_is_its_own_nearest_neighbour(data: DataSet) -> None:
     for number in (0, 7, 11):
         item = index[number]
         answer = found.estimate_inputs(normalise(item.background[None]))[0]
-        own = fitted_light(dict(item.spheres), rig_bases(data.rigs[item.meta.rig]))
+        own = light_from_spheres(dict(item.spheres), rig_bases(data.rigs[item.meta.rig])).radiance
         np.testing.assert_allclose(np.exp(answer), np.maximum(own, 1e-4), rtol=1e-5)
 
 
@@ -263,7 +267,7 @@ def test_the_fitted_light_renders_the_filmed_spheres(data: DataSet) -> None:
     item = data.index("train")[11]
     bases = rig_bases(data.rigs[item.meta.rig])
     assert (item.spheres["mirror"] == 255).any()
-    radiance = fitted_light(dict(item.spheres), bases)
+    radiance = light_from_spheres(dict(item.spheres), bases).radiance
     mask = bases["diffuse"].view.mask()
     filmed = item.spheres["diffuse"] / np.float32(255)
 

@@ -370,7 +370,7 @@ class Run:
             some = some_of(self.examples, CONSTANT_EXAMPLES, self.config.data.workers)
             q = fit_log_radiance(self.bases, some.spheres, some.rig, self.config.loss, steps)
             with replacing(path) as temporary:
-                np.save(temporary, q.cpu().numpy())
+                np.save(temporary, q)
         if path.exists():
             self.validation.set_constant(torch.from_numpy(read_array(path)))
 

@@ -5,33 +5,27 @@ Graphics 2014, who look up the light outside the picture in a database of panora
 """
 
 import numpy as np
-from jaxtyping import Float, Float32, Int64, UInt8
+from jaxtyping import Float, Float32, Int64
 
-from deeplight.camera_response import decode
 from deeplight.dataset import DataSet, SplitIndex
 from deeplight.evaluate.baselines.baseline import DARKEST, Baseline
-from deeplight.evaluate.baselines.mean_spheres import seen_in_mirror
-from deeplight.lighting import LIGHTING_SIZE
 from deeplight.mappings.resample import shrink
-from deeplight.reflectance import ReflectanceBasis
+from deeplight.solve import light_from_spheres
 from deeplight.sphere import SPHERES
 
 NAME = "nearest_neighbour"
 EXAMPLES = 10_000  # training photos compared with, evenly spread over the split
-BRIGHTEST = 1000.0  # limit of how far a clipped pixel is raised
 
 _THUMBNAIL = (12, 8)
 _CELLS = (4, 4)
 _ANGLES = 8
-_CLIPPED = 250  # 8-bit values from here on have lost light
 
 
 class NearestNeighbour(Baseline):
     """The light fitted to the spheres of the most similar training photo.
 
-    Training examples hold no HDR light, so it comes from their 8-bit spheres: the mirror sphere,
-    linearised, over its reflectivity; what it clipped is raised by the one factor per channel with
-    which the diffuse sphere, rendered in it, is as bright as it was filmed.
+    Training examples hold no HDR light, so it comes from their 8-bit spheres, by
+    `light_from_spheres`.
 
     Args:
         descriptors: of the training photos, from `descriptors_of`.
@@ -65,7 +59,7 @@ class NearestNeighbour(Baseline):
         if number not in self._lights:
             _, spheres = self._index.pixels(number)
             bases = self._data.bases(str(self._index.rigs[number]))
-            radiance = fitted_light(dict(zip(SPHERES, spheres, strict=True)), bases)
+            radiance = light_from_spheres(dict(zip(SPHERES, spheres, strict=True)), bases).radiance
             self._lights[number] = np.log(np.maximum(radiance, DARKEST)).astype(np.float32)
         return self._lights[number]
 
@@ -111,40 +105,3 @@ def _edges(grey: Float[np.ndarray, "height width"]) -> Float[np.ndarray, " featu
     total = np.bincount(bins, strength.ravel(), _CELLS[0] * _CELLS[1] * _ANGLES)
     rooted = np.sqrt(total / np.bincount(cell.ravel()).repeat(_ANGLES))
     return rooted * np.sqrt(3 * _THUMBNAIL[0] * _THUMBNAIL[1] / rooted.size)
-
-
-def fitted_light(
-    spheres: dict[str, UInt8[np.ndarray, "size size 3"]], bases: dict[str, ReflectanceBasis]
-) -> Float[np.ndarray, "light light 3"]:
-    """Radiance that explains one example's mirror and diffuse sphere, camera frame.
-
-    A sphere that is clipped all over tells no more than that: the factor stays at most `BRIGHTEST`.
-    """
-    mirror, diffuse = bases["mirror"], bases["diffuse"]
-    filmed = decode(spheres["mirror"].reshape(-1, 3) / 255.0)
-    radiance = seen_in_mirror(mirror, filmed)
-    mask = diffuse.view.mask().ravel()
-    wanted = decode(spheres["diffuse"].reshape(-1, 3)[mask] / 255.0)
-    lost = _lost(spheres["mirror"], mirror)
-    weights = diffuse.weights[mask].astype(np.float64)
-    for channel in range(3):
-        rest = np.where(lost[:, channel], 0, radiance[:, channel])
-        clipped = weights @ (radiance[:, channel] - rest)
-        usable = spheres["diffuse"].reshape(-1, 3)[mask, channel] < _CLIPPED
-        if not usable.any():  # the diffuse sphere is white all over: as bright as it says
-            usable[:] = True
-        a, b = clipped[usable], wanted[usable, channel] - (weights @ rest)[usable]
-        factor = float(a @ b / (a @ a)) if a.any() else 1.0
-        radiance[:, channel] = rest + np.clip(factor, 1.0, BRIGHTEST) * (
-            radiance[:, channel] - rest
-        )
-    return radiance.reshape(LIGHTING_SIZE, LIGHTING_SIZE, 3)
-
-
-def _lost(sphere: UInt8[np.ndarray, "size size 3"], mirror: ReflectanceBasis) -> np.ndarray:
-    """The directions whose light the mirror's picture clipped, by channel."""
-    mask = mirror.view.mask().ravel()
-    weights = mirror.weights[mask]
-    clipped = (sphere.reshape(-1, 3)[mask] >= _CLIPPED).astype(np.float32)
-    shown = np.maximum(weights.sum(0), 1e-9)[:, None]
-    return np.asarray(weights.T @ clipped / shown > 0.5)

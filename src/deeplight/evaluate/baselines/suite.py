@@ -8,9 +8,7 @@ import numpy as np
 
 from deeplight.dataset import GROUPS, DataSet, splits_named
 from deeplight.evaluate.baselines.baseline import Baseline, ConstantLighting
-from deeplight.evaluate.baselines.best_constant import best_constant
 from deeplight.evaluate.baselines.khan_2006 import Khan2006
-from deeplight.evaluate.baselines.mean_spheres import mean_spheres
 from deeplight.evaluate.baselines.nearest_neighbour import (
     NearestNeighbour,
     chosen_photos,
@@ -23,6 +21,7 @@ from deeplight.evaluate.baselines.training_mean import training_mean
 from deeplight.evaluate.baselines.training_pixels import training_pixels
 from deeplight.io.arrays_file import read_arrays
 from deeplight.io.atomic import replacing
+from deeplight.solve import solve_constant, solve_mean
 
 CACHE = ".constant-baselines.npz"
 DESCRIPTORS = ".photo-descriptors.npz"
@@ -65,8 +64,9 @@ def constant_baselines(data: DataSet) -> list[ConstantLighting]:
     if stored is not None:
         return [ConstantLighting(name, log_radiance) for name, log_radiance in stored.items()]
     pixels = training_pixels(data)
-    mean = mean_spheres(pixels)
-    baselines = [mean, best_constant(pixels, mean.log_radiance)]
+    mean = solve_mean(pixels)
+    best = solve_constant(pixels, mean)
+    baselines = [ConstantLighting("mean_spheres", mean), ConstantLighting("best_constant", best)]
     true_mean = training_mean(data)
     if true_mean is not None:
         baselines.append(true_mean)
