@@ -31,6 +31,7 @@ from deeplight.evaluate import scores as scoring
 from deeplight.evaluate.baselines.baseline import ConstantLighting
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for
 from deeplight.evaluate.figures.spheres import answer_column, filmed_column
+from deeplight.evaluate.panorama_estimates import panorama_estimates
 from deeplight.frames import world_from_camera
 from deeplight.io.basis_file import save_bases
 from deeplight.io.photos import decode_rgb, encode_jpeg
@@ -205,6 +206,21 @@ def test_the_true_light_ranks_first_against_itself_where_film_clips(tmp_path: Pa
     assert true["true_lighting"] == pytest.approx(0, abs=1e-6)
     assert true["dim"] == pytest.approx(1 - 2.9 / 8, abs=1e-3)
     np.testing.assert_allclose(columns["dim"]["true_radiance_red"], 2.9 / 8 - 1, rtol=1e-3)
+
+
+def test_measured_light_takes_the_place_of_what_examples_carry(
+    data: DataSet, tmp_path: Path
+) -> None:
+    """Truth for three of nine examples, twice as bright as those say: only they are measured."""
+    for number in range(3):
+        light = 2 * np.exp(log_light(20 + number)).mean()
+        write_exr(tmp_path / f"val_outdoor-{number}.exr", np.full((64, 128, 3), light, np.float32))
+    (truth,) = panorama_estimates([f"truth={tmp_path}"])
+    report = measuring.evaluate([Knowing()], data, "val_outdoor", truth=truth)
+    assert report.keys == tuple(f"val_outdoor-{number}" for number in range(3))
+    energy = report.scores["deeplight"].metrics()["energy_stops"]
+    assert energy == pytest.approx(-1, abs=0.01)
+    assert report.scores["true_lighting"].l1["diffuse"].mean() > 0.05
 
 
 def test_a_sample_is_spread_over_the_split(data: DataSet) -> None:

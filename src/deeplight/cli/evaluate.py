@@ -26,6 +26,8 @@ class Args:
     """FILE.onnx, NAME=FILE.onnx or a folder of training runs; left out, deeplight's own model."""
     panoramas: Repeated = ()
     """Other methods: NAME=FOLDER of HDR panoramas named by key, or NAME=FOLDER,ELEVATION_DEG."""
+    truth: str = ""
+    """FOLDER of measured light named by key (`deeplight probe`), instead of what examples carry."""
     bases: Path | None = None
     """Measured reflectance bases of the spheres; left out, the data set's bases.npz or analytic."""
     out: Path | None = None
@@ -51,7 +53,15 @@ def run(args: Args) -> None:
 
     data = opened(args.data, args.benchmark, args.hdri, args.bases)
     methods = flat(args.model), flat(args.panoramas)
-    wanted = Wanted(data, args.split, *methods, args.examples, args.three_spheres, args.with_photo)
+    wanted = Wanted(
+        data,
+        args.split,
+        *methods,
+        args.examples,
+        args.three_spheres,
+        args.with_photo,
+        args.truth,
+    )
     with results_folder(args.out) if args.out else nullcontext():  # told before any work
         check_can_write(args.out)
         found = measured(wanted)

@@ -26,6 +26,7 @@ VERBS = {
     "export": "a trained network as ONNX or TFLite, in fewer bits if wanted",
     "benchmark": "how fast models run here, by runtime and threads",
     "evaluate": "measure an estimator on a data set, next to trivial baselines",
+    "probe": "exposures of a mirror ball or panorama in, the true HDR light out",
     "study": "ask people which pictures look right, and rank methods by their answers",
 }
 """Verb -> help line. Only the module of the verb asked for, `deeplight.cli.<verb>`, is loaded."""

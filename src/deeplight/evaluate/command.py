@@ -24,6 +24,7 @@ class Wanted:
         models, panoramas: as `named_models` and `panorama_estimates` take them.
         at_most: only so many examples of each split.
         protocols: other papers' metrics too.
+        truth: folder of the examples' measured light, as a method's panoramas.
         with_photo: also the first model's environment, with the photo and lamps in it.
     """
 
@@ -34,6 +35,7 @@ class Wanted:
     at_most: int | None = None
     protocols: bool = False
     with_photo: bool = True
+    truth: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,7 @@ def evaluation(
     sizes = {split: len(wanted.data.index(split)) for split in wanted.splits}
     models = named_models(wanted.models)
     with_photo = [WithPhoto(models[0])] if wanted.with_photo and models else []
+    (truth,) = panorama_estimates([f"truth={wanted.truth}"]) if wanted.truth else (None,)
     others: list[PanoramaEstimates] = panorama_estimates(wanted.panoramas)
     results = []
     for split, size in sizes.items():
@@ -94,6 +97,7 @@ def evaluation(
                 wanted.at_most,
                 wanted.protocols,
                 progress,
+                truth,
             )
         )
     return Evaluation(results, models)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from deeplight.dataset import DataSet
 from deeplight.evaluate.protocols.stylelight_2022 import FORMS, three_spheres
-from deeplight.evaluate.run import AnyEstimator, evaluate
+from deeplight.evaluate.run import AnyEstimator, KeyedEstimator, evaluate
 from deeplight.evaluate.scores import Column, Report
 from deeplight.evaluate.summary import Calibration, Summary, calibration, summarise
 from deeplight.evaluate.temporal import Changes, Flicker, changes, flicker
@@ -48,13 +48,15 @@ def measured(
     at_most: int | None = None,
     protocols: bool = False,
     progress: Callable[[int], None] = lambda examples: None,
+    truth: KeyedEstimator | None = None,
 ) -> SplitResult:
     """Measure methods and the baselines beside them on a split; raises what `evaluate` does.
 
     Args:
         protocols: compute other papers' metrics too, which takes as long again.
+        truth: as `evaluate` takes it.
     """
-    report = evaluate([*methods, *baselines], data, split, at_most, progress)
+    report = evaluate([*methods, *baselines], data, split, at_most, progress, truth)
     names = tuple(method.name for method in methods)
     changed = changes(report)
     return SplitResult(

@@ -65,6 +65,7 @@ def evaluate(
     split: str,
     at_most: int | None = None,
     progress: Callable[[int], None] = lambda examples: None,
+    truth: KeyedEstimator | None = None,
 ) -> Report:
     """Measure `estimators` on the examples of `split`.
 
@@ -75,6 +76,8 @@ def evaluate(
     Args:
         at_most: measure only so many, evenly spread over the split.
         progress: called with the number of examples finished since the last call.
+        truth: the measured true light of examples, instead of what they carry; those that it
+            does not cover are left out.
 
     Raises:
         DataSetError: no such split, or an example cannot be read.
@@ -86,13 +89,13 @@ def evaluate(
         twice = ", ".join(sorted({name for name in names if names.count(name) > 1}))
         raise ConfigError("estimators of different names", f"{twice} twice", "rename one")
     index = data.index(split)
-    numbers = examples_to_measure(index, estimators, at_most)
-    with_truth = bool(index.has_lighting[numbers].all())
+    numbers = examples_to_measure(index, [*estimators, *([truth] if truth else [])], at_most)
+    with_truth = truth is not None or bool(index.has_lighting[numbers].all())
     gathered = _Gathered([*names, TRUE_LIGHTING] if with_truth else names, len(numbers))
     for chosen, examples in _batches(index, numbers):
         estimates = _estimates(estimators, examples)
-        truth = _true_radiance(examples) if with_truth else None
-        gathered.add(_Batch(chosen, examples, data, truth), estimates)
+        true = _true_radiance(examples, truth) if with_truth else None
+        gathered.add(_Batch(chosen, examples, data, true), estimates)
         progress(len(examples))
     return gathered.report(split, index)
 
@@ -262,5 +265,9 @@ def _pose(example: Example) -> Float64[np.ndarray, "3 3"]:
     return told if told.shape == (3, 3) else np.full((3, 3), np.nan)
 
 
-def _true_radiance(examples: Sequence[Example]) -> Float32[np.ndarray, "examples light light 3"]:
+def _true_radiance(
+    examples: Sequence[Example], truth: KeyedEstimator | None
+) -> Float32[np.ndarray, "examples light light 3"]:
+    if truth is not None:
+        return np.exp(truth.estimate_keys([example.key for example in examples]))
     return np.stack([example.true_lighting for example in examples])  # type: ignore[misc]
