@@ -13,7 +13,7 @@ import numpy as np
 from deeplight.camera_response import LUMINANCE
 from deeplight.dataset import open_dataset
 from deeplight.estimators.confidence import BRIGHTNESS_STOPS, DIRECTION_DEG, confidence_of
-from deeplight.estimators.estimate import default_estimator
+from deeplight.estimators.estimate import load_estimator
 from deeplight.estimators.network import Estimate
 from deeplight.harmonics import dominant_light
 from deeplight.io.photos import Photo
@@ -45,7 +45,7 @@ def main() -> None:
 
 def measured(example: object) -> list[float]:
     """Spread of direction, brightness and colour of one photo, then their errors."""
-    estimator, pixels = default_estimator(), example.background
+    estimator, pixels = load_estimator(), example.background
     height, width, _ = pixels.shape
     framing = Framing(height, width, 0, height, 0, width, 1.0, "given", height, width)
     log_radiance = estimator.estimate_inputs(network_input(pixels, framing)[None])[0]

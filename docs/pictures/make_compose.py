@@ -13,7 +13,7 @@ from deeplight.compose.compose import Composed, Item, Settings, compose
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.trace import Quality
 from deeplight.estimators.environment import scene_light
-from deeplight.estimators.estimate import default_estimator
+from deeplight.estimators.estimate import load_estimator
 from deeplight.io.atomic import replacing
 from deeplight.io.photos import encode_jpeg, read_photo
 
@@ -58,7 +58,7 @@ def below(name: str) -> np.ndarray:
 
 def made(name: str, items: list[Item], **changes: bool) -> Composed:
     photo = read_photo(PHOTOS / name)
-    estimate = default_estimator().explain(photo)
+    estimate = load_estimator().explain(photo)
     height, width, _ = photo.pixels.shape
     camera = PinholeCamera(width, height, estimate.framing.vertical_fov_rad)
     return compose(

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 
 from deeplight import harmonics
 from deeplight.camera_response import CameraResponse
-from deeplight.estimators.estimate import default_estimator
+from deeplight.estimators.estimate import load_estimator
 from deeplight.frames import rotation
 from deeplight.io.atomic import replacing
 from deeplight.io.photos import encode_jpeg, read_photo
@@ -33,7 +33,7 @@ STOPS = -0.9  # so that nothing is clipped
 
 
 def main() -> None:
-    lighting = default_estimator().estimate(read_photo(PHOTO))
+    lighting = load_estimator().estimate(read_photo(PHOTO))
     bunny, pot = (transfer_file.read(OBJECTS / f"{name}.transfer") for name in ("bunny", "pot"))
     rows = [compared(bunny, "diffuse", lighting), compared(pot, "glossy", lighting)]
     write("transfer.jpg", np.concatenate(rows))

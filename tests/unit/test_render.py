@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from deeplight.camera import PinholeCamera
-from deeplight.compose import gravity, shapes
 from deeplight.compose import mitsuba_variant as engine
+from deeplight.compose import shapes
 from deeplight.compose.compose import Item, placed
 from deeplight.compose.composite import composite, radiance_of, write_layers
 from deeplight.compose.denoise import denoised
@@ -23,6 +23,7 @@ from deeplight.compose.trace import Layers
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.frames import UP, world_from_camera
 from deeplight.io.environment_file import read_environment
+from deeplight.io.tilt import tilt_of
 
 VIEW = Viewpoint(PinholeCamera(640, 480, np.radians(50)), 1.4, np.radians(-20), np.radians(7))
 RNG = np.random.default_rng(3)
@@ -257,18 +258,18 @@ def test_an_iphones_tilt_is_read(
     orientation: int, pitch: float, roll: float, tmp_path: Path
 ) -> None:
     up = world_from_camera(1.0, pitch, roll).T @ UP
-    tilt = gravity.tilt_of(iphone_photo(up, orientation, tmp_path / "photo.jpg"))
+    tilt = tilt_of(iphone_photo(up, orientation, tmp_path / "photo.jpg"))
     assert tilt is not None
     assert (tilt.pitch_rad, tilt.roll_rad) == pytest.approx((pitch, roll), abs=1e-3)
 
 
 def test_no_tilt_is_invented(tmp_path: Path) -> None:
     Image.new("RGB", (64, 48)).save(tmp_path / "plain.jpg")
-    assert gravity.tilt_of(tmp_path / "plain.jpg") is None
-    assert gravity.tilt_of(tmp_path / "missing.jpg") is None
-    assert gravity.tilt_of(None) is None
+    assert tilt_of(tmp_path / "plain.jpg") is None
+    assert tilt_of(tmp_path / "missing.jpg") is None
+    assert tilt_of(None) is None
     shaken = iphone_photo(np.array([0.0, 3.0, 0.0]), 6, tmp_path / "shaken.jpg")
-    assert gravity.tilt_of(shaken) is None
+    assert tilt_of(shaken) is None
 
 
 def test_grain_is_measured_and_given_back() -> None:

@@ -19,6 +19,7 @@ from rich.markup import escape
 
 if TYPE_CHECKING:
     from deeplight.estimators.batch import SourceDone
+    from deeplight.estimators.sun import SunHint
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,19 @@ class Args:
     """Write what the photo shows, 0 to 1, as a further channel `seen` of the .exr."""
     hdr: bool = False
     """Also write <stem>.hdr (Radiance RGBE)."""
+    sun: tuple[float, float] | None = None
+    """The sun's azimuth (0 is the view, positive to the right) and elevation in the picture,
+    degrees. Default: by the photo's GPS data, where it has them."""
+    sun_at: tuple[float, float] | None = None
+    """The pixel x y where the sun is; it may lie outside the photo."""
+    shadow: tuple[float, float, float, float] | None = None
+    """Pixels x y of the foot of something upright and x y of the tip of its shadow."""
+    shadow_top: tuple[float, float] | None = None
+    """With --shadow: pixel x y of its upper end. Default: the sun is as high as estimated."""
+    pitch: float | None = None
+    """With --shadow: degrees the camera looks up. Default: from EXIF, else 0."""
+    roll: float | None = None
+    """With --shadow: degrees the camera is turned counter-clockwise. Default: from EXIF, else 0."""
 
 
 def run(args: Args) -> None:
@@ -70,6 +84,7 @@ def run(args: Args) -> None:
         made_for=args.made_for,
         hdr=args.hdr,
         seen_channel=args.seen,
+        sun=_sun_hint(args),
     )
     estimator = open_model(args.model)
     done: list[SourceDone] = []
@@ -100,6 +115,13 @@ def run(args: Args) -> None:
         console = results_console()
         for line in _lines(done):  # after the bar, so that neither is drawn over the other
             console.print(line)
+
+
+def _sun_hint(args: Args) -> "SunHint | None":
+    from deeplight.estimators.sun import SunHint
+
+    hints = (args.sun, args.sun_at, args.shadow, args.shadow_top, args.pitch, args.roll)
+    return None if all(hint is None for hint in hints) else SunHint(*hints)
 
 
 def _lines(done: Sequence["SourceDone"]) -> list[str]:

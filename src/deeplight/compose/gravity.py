@@ -1,28 +1,13 @@
 """How the camera stood: above which surface, how tilted, where the photo's EXIF data says so."""
 
-import struct
 from dataclasses import dataclass
-from math import asin, atan2, degrees, hypot, isfinite, radians
+from math import degrees, radians
 from pathlib import Path
-
-from PIL import Image
 
 from deeplight.camera import PinholeCamera
 from deeplight.compose.ground import DEFAULT_PITCH_RAD, Viewpoint
+from deeplight.io.tilt import tilt_of
 from deeplight.preprocess import Framing
-
-_EXIF, _MAKER_NOTE, _ELEVATION = 0x8769, 0x927C, 0x9405
-_APPLE = b"Apple iOS\0"
-_APPLE_IFD, _ACCELERATION, _SIGNED_RATIONAL = 14, 8, 10
-
-
-@dataclass(frozen=True)
-class Tilt:
-    """Pitch (positive looks up) and roll (positive is counter-clockwise), and who says so."""
-
-    pitch_rad: float
-    roll_rad: float
-    source: str
 
 
 @dataclass(frozen=True)
@@ -58,58 +43,3 @@ def viewpoint_of(
     roll = roll if placement.roll_deg is None else radians(placement.roll_deg)
     camera = PinholeCamera(framing.photo_width, framing.photo_height, framing.vertical_fov_rad)
     return Viewpoint(camera, placement.height_m, pitch, roll), notes
-
-
-def tilt_of(path: Path | str | None) -> Tilt | None:
-    """Read the tilt from EXIF: an iPhone's acceleration, else CameraElevationAngle.
-
-    None where the file has neither, cannot be read by Pillow, or tells nonsense.
-    """
-    if path is None:
-        return None
-    try:
-        with Image.open(path) as picture:
-            tags = picture.getexif()
-            camera = tags.get_ifd(_EXIF)
-            orientation = int(tags.get(0x0112, 1))
-        note, elevation = camera.get(_MAKER_NOTE), camera.get(_ELEVATION)
-    except (OSError, ValueError, SyntaxError, struct.error):
-        return None
-    if isinstance(note, bytes) and note.startswith(_APPLE):
-        found = _from_acceleration(_apple_acceleration(note), orientation)
-        if found:
-            return found
-    if elevation is not None and abs(float(elevation)) < 89:
-        return Tilt(radians(float(elevation)), 0.0, "EXIF camera elevation")
-    return None
-
-
-def _apple_acceleration(note: bytes) -> tuple[float, float, float] | None:
-    """The AccelerationVector of Apple's maker note: three signed fractions, in g."""
-    try:
-        order = "<" if note[12:14] == b"II" else ">"
-        (count,) = struct.unpack_from(f"{order}H", note, _APPLE_IFD)
-        for entry in range(count):
-            at = _APPLE_IFD + 2 + 12 * entry
-            tag, kind, values, offset = struct.unpack_from(f"{order}HHII", note, at)
-            if (tag, kind, values) == (_ACCELERATION, _SIGNED_RATIONAL, 3):
-                n = struct.unpack_from(f"{order}6i", note, offset)
-                return n[0] / n[1], n[2] / n[3], n[4] / n[5]
-    except (struct.error, ZeroDivisionError):
-        return None
-    return None
-
-
-def _from_acceleration(vector: tuple[float, float, float] | None, orientation: int) -> Tilt | None:
-    """Tilt of the upright picture; the vector is in the phone's axes, whose +Y is its top."""
-    if vector is None:
-        return None
-    x, y, z = (-value for value in vector)  # up: a phone at rest feels 1 g upwards
-    length = hypot(x, y, z)
-    turned = {1: (-y, x), 3: (y, -x), 6: (x, y), 8: (-x, -y)}.get(orientation)
-    if turned is None or not isfinite(length) or not 0.7 < length < 1.3:
-        return None  # mirrored, or shaken
-    right, up = turned
-    if up < 0.2 * length:
-        return None  # not upright: straight down, or another convention
-    return Tilt(asin(-z / length), atan2(right, up), "EXIF acceleration")

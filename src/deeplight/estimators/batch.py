@@ -10,6 +10,7 @@ from deeplight.estimators.environment import HEIGHT, SceneLight, check_height, s
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.results import OutputSpec, write_results
 from deeplight.estimators.sources import Source, find_sources
+from deeplight.estimators.sun import SunHint, find_sun
 from deeplight.formats.webxr import light_estimate_file
 from deeplight.io.atomic import results_folder
 from deeplight.io.orientation import TOOLS
@@ -27,6 +28,7 @@ class BatchSettings:
         made_for: the tool the environments are for.
         hdr: also write Radiance RGBE.
         seen_channel: also write what the photo shows as a channel of the .exr.
+        sun: where the sun stands; None places it by EXIF data where these tell.
 
     Raises:
         ConfigError: a value that cannot be, or options that exclude each other.
@@ -39,15 +41,18 @@ class BatchSettings:
     made_for: str | None = None
     hdr: bool = False
     seen_channel: bool = False
+    sun: SunHint | None = None
 
     def __post_init__(self) -> None:
         if self.fov_deg is not None and not 0 < self.fov_deg < 180:
             got = f"{self.fov_deg:g}"
             raise ConfigError("--fov between 0 and 180 degrees", got, "correct it")
         check_height(self.height)
-        if self.light_only and (self.lamps_apart or self.seen_channel):
+        if self.light_only and (self.lamps_apart or self.seen_channel or self.sun):
             got = "--light-only, which has no lamps and no photo"
-            raise ConfigError("--lamps-apart and --seen with a photo in its light", got, "drop one")
+            raise ConfigError(
+                "--lamps-apart, --seen and --sun with a photo in its light", got, "drop one"
+            )
 
 
 @dataclass(frozen=True)
@@ -129,13 +134,27 @@ def _estimated(
     done = SourceDone(source, 0, (), (), ())
     for stem, photo in source.photos():
         estimate = estimator.explain(photo, settings.fov_deg)
-        scene = None if settings.light_only else scene_light(estimate, settings.height)
+        scene, sun, notes = _lit(estimate, settings)
         try:
-            files = _written(estimate, scene, estimator, out, stem, settings)
+            files = _written(estimate, scene, estimator, out, stem, settings, sun)
         except OSError as error:
             raise _CannotWriteError(error) from error
-        done = SourceDone(source, done.count + 1, done.first or files, files, estimate.notes)
+        told = (*estimate.notes, *notes)
+        done = SourceDone(source, done.count + 1, done.first or files, files, told)
     return done
+
+
+def _lit(
+    estimate: Estimate, settings: BatchSettings
+) -> tuple[SceneLight | None, dict[str, Any] | None, tuple[str, ...]]:
+    """The light to write, what is known of the sun, and notes on it."""
+    if settings.light_only:
+        return None, None, ()
+    scene = scene_light(estimate, settings.height)
+    found = find_sun(estimate, scene, settings.sun)
+    if found is None:
+        return scene, None, ()
+    return found.scene, found.sun.record(found.used), (found.note,)
 
 
 def _written(
@@ -145,6 +164,7 @@ def _written(
     out: Path,
     stem: str,
     settings: BatchSettings,
+    sun: dict[str, Any] | None,
 ) -> list[Path]:
     further: dict[str, Any] = {}
     if settings.made_for == "webxr":
@@ -159,4 +179,5 @@ def _written(
         seen_channel=settings.seen_channel,
         height=settings.height,
     )
-    return write_results(estimate, estimator, out, stem, scene, spec, further)
+    facts = {} if sun is None else {"sun": sun}
+    return write_results(estimate, estimator, out, stem, scene, spec, further, facts)

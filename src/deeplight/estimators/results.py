@@ -56,6 +56,7 @@ def write_results(
     scene: SceneLight | None = None,
     spec: OutputSpec = OutputSpec(),
     further: Mapping[str, Any] | None = None,
+    facts: Mapping[str, Any] | None = None,
 ) -> list[Path]:
     """Write `<stem>.exr`, `.json`, `.preview.png` and what else was asked for into `folder`.
 
@@ -69,13 +70,14 @@ def write_results(
         scene: the light with the photo in it; left out, the network's estimate alone is written.
         spec: how.
         further: more JSON files, content by suffix, such as ".webxr.json".
+        facts: more entries of the `.json`.
 
     Raises:
         OSError: a file cannot be written.
     """
     with TemporaryDirectory(prefix=f".{stem[:80]}.", dir=folder) as temporary:
         try:
-            files = _written(estimate, estimator, Path(temporary) / stem, scene, spec)
+            files = _written(estimate, estimator, Path(temporary) / stem, scene, spec, facts or {})
             for suffix, content in (further or {}).items():
                 files.append(Path(temporary) / f"{stem}{suffix}")
                 files[-1].write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
@@ -93,9 +95,11 @@ def _written(
     stem: Path,
     scene: SceneLight | None,
     spec: OutputSpec,
+    more: Mapping[str, Any],
 ) -> list[Path]:
     confidence = confidence_of(estimator, estimate)
     facts = _facts(estimate, estimator) | {"confidence": confidence.record()}
+    facts |= more
     seen = None
     if scene is None:
         environment = Environment.from_lighting(estimate.lighting, spec.height)
