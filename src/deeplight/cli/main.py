@@ -14,6 +14,7 @@ from deeplight.errors import InputError, MissingExtraError
 
 VERBS = {
     "estimate": "photos or a video in, HDR light out: .exr, .json and a preview",
+    "fuse": "a panning clip or several photos in, one light out, sharp where one looked",
     "compose": "put objects into a photo, lit by its own light",
     "simulate": "film the three spheres in HDR panoramas: a data set",
     "reflectance": "light-stage photographs of the spheres in, their reflectance bases out",

@@ -106,6 +106,7 @@ class Session:
         world_from_camera: Rotation,
         log_estimate: Float32[np.ndarray, "size size 3"] | None = None,
         log_exposure: float = float("nan"),
+        vertical_fov_rad: float | None = None,
     ) -> Added:
         """Take in a frame.
 
@@ -114,16 +115,18 @@ class Session:
             world_from_camera: how the camera was turned, in any world whose axes stand still.
             log_estimate: what the network gives for it; left out, the session asks it.
             log_exposure: ln of its exposure, where its file says.
+            vertical_fov_rad: of this frame, where it is another camera's.
 
         Raises:
             ShapeError: the rotation is none.
         """
         require_rotation(world_from_camera, "world_from_camera")
         estimate = self._estimate(frame) if log_estimate is None else log_estimate
+        fov = self.vertical_fov_rad if vertical_fov_rad is None else vertical_fov_rad
         view = View(
-            small(frame, self.vertical_fov_rad),
+            small(frame, fov),
             np.array(world_from_camera, float),
-            self.vertical_fov_rad,
+            fov,
             np.asarray(estimate, np.float32),
             log_exposure,
             self._count,
@@ -248,7 +251,9 @@ class Session:
             "first_turn": self._first_turn,
             "rotations": np.array([v.world_from_camera for v in self._views]),
             "estimates": np.array([v.log_estimate for v in self._views]),
-            "exposures": np.array([[v.log_exposure, v.number] for v in self._views]),
+            "exposures": np.array(
+                [[v.log_exposure, v.number, v.vertical_fov_rad] for v in self._views]
+            ),
             **{f"pixels_{k}": view.pixels for k, view in enumerate(self._views)},
         }
         with replacing(path) as temporary, temporary.open("wb") as file:
@@ -269,10 +274,9 @@ class Session:
                 session = cls(float(state["vertical_fov_rad"]), estimate, int(state["most_views"]))
                 exposures, rotations = state["exposures"], state["rotations"]
                 for k, own in enumerate(state["estimates"]):
-                    turn, (exposure, number) = rotations[k], exposures[k]
-                    fov = session.vertical_fov_rad
+                    turn, (exposure, number, fov) = rotations[k], exposures[k]
                     pixels = state[f"pixels_{k}"]
-                    view = View(pixels, turn, fov, own, float(exposure), int(number))
+                    view = View(pixels, turn, float(fov), own, float(exposure), int(number))
                     session._views.append(view)
                     session._compare(k)
                 session._first_turn = state["first_turn"]

@@ -1,0 +1,135 @@
+"""Fuse a panning clip or several photos of one place into one light, sharp where one looked.
+
+deeplight fuse clip.mp4 --out out
+
+deeplight fuse IMG_1.jpg IMG_2.jpg IMG_3.jpg --poses arkit.json --level --out out
+
+Rotations come from a pose file (ARKit, ARCore, WebXR), from a panorama's own metadata, or from the
+pictures: turn slowly, so that neighbouring frames overlap by a third.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+from rich.markup import escape
+
+if TYPE_CHECKING:
+    from deeplight.fuse.sources import SourceFrame
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `deeplight fuse`."""
+
+    sources: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CLIP|PHOTO")]
+    """One clip, photos in the order they were taken (several exposures are welcome), a folder of
+    them, or a phone's panorama with GPano metadata."""
+    out: Path
+    """Folder for the results; made if it is missing."""
+    poses: Path | None = None
+    """JSON file of how the camera was turned in each frame: see docs/fuse.md."""
+    front: Path | None = None
+    """A photo of the front camera, taken together with the first frame: the other half."""
+    frame: int = 0
+    """Frame of the clip, or place of the photo, from 0, whose camera and white the light is in."""
+    level: bool = False
+    """Turn the light so that +Y is against gravity, whatever the frame's tilt."""
+    fov: float | None = None
+    """Vertical field of view of the upright frames in degrees. Default: from EXIF data, else found
+    from the pictures."""
+    height: int = 512
+    """Rows of the environment, 64 to 2048."""
+    model: Path | None = None
+    """Use this .onnx or .tflite file instead of the model that comes with deeplight."""
+    made_for: Annotated[
+        Literal["blender", "three", "mitsuba", "unity", "unreal"] | None,
+        tyro.conf.arg(name="for"),
+    ] = None
+    """Turn the environment for this tool."""
+    hdr: bool = False
+    """Also write <stem>.hdr (Radiance RGBE)."""
+    session: Path | None = None
+    """Also save the state (.npz), to go on with in Python: `Session.load`."""
+
+
+def run(args: Args) -> None:
+    """Fuse; print what was made and what had to be left out."""
+    from deeplight.cli.screen import results_console
+    from deeplight.estimators.open import open_model
+    from deeplight.fuse.fuse import FuseSettings, fuse_frames
+    from deeplight.fuse.poses import read_poses
+    from deeplight.fuse.results import seen_share, write_fused
+    from deeplight.fuse.sources import frame_of, read_frames
+    from deeplight.io.atomic import results_folder
+    from deeplight.io.orientation import TOOLS
+    from deeplight.io.photos import photo_paths, read_photo
+    from deeplight.io.video import is_video
+
+    _check(args)
+    paths = [p for s in args.sources for p in ([s] if is_video(s) else photo_paths([s]))]
+    poses = None if args.poses is None else read_poses(args.poses, _upright(paths[0]))
+    estimator = open_model(args.model)
+    frames = read_frames(paths, poses)
+    notes = []
+    if poses is not None:
+        posed = [replace(f, world_from_camera=poses.at(f.number, f.time_s)) for f in frames]
+        frames = [frame for frame in posed if frame.world_from_camera is not None]
+        if len(frames) < len(posed):
+            notes.append(f"{len(posed) - len(frames)} without a pose left out")
+    front = None if args.front is None else frame_of(read_photo(args.front), args.front.name, -1)
+    settings = FuseSettings(args.fov, _place(frames, args.frame), args.level, args.height)
+    fused = fuse_frames(frames, estimator, settings, front)
+    tool = TOOLS.get(args.made_for or "")
+    turn = tool.turn if tool else None
+    with results_folder(args.out):
+        files = write_fused(fused, estimator, args.out, paths[0].stem, turn, args.hdr)
+        if args.session is not None:
+            fused.session.save(args.session)
+    console = results_console()
+    made = ", ".join([str(files[0]), *(file.name for file in files[1:])])
+    console.print(escape(f"{_named(paths)} -> {made}"))
+    seen = f"{len(fused.placed)} frames, {seen_share(fused.environment):.0%} of the sphere seen"
+    dropped = [f"could not be placed: {', '.join(f.name for f in fused.dropped)}"]
+    for note in (seen, *(dropped if fused.dropped else ()), *notes, *fused.notes):
+        console.print(f"  [dim]{escape(note)}[/dim]")
+
+
+def _check(args: Args) -> None:
+    from deeplight.errors import ConfigError
+
+    if not args.sources:
+        raise ConfigError("a clip or photos", "none", "name them")
+    if args.fov is not None and not 0 < args.fov < 180:
+        raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
+    if not 64 <= args.height <= 2048:
+        raise ConfigError("--height from 64 to 2048", f"{args.height}", "correct it")
+    if args.session is not None and args.session.suffix != ".npz":
+        raise ConfigError("--session FILE.npz", f"{args.session}", "rename it")
+
+
+def _upright(path: Path) -> bool:
+    """Whether the first picture is taller than wide: how the phone was held."""
+    from deeplight.io.photos import read_photo
+    from deeplight.io.video import facts, is_video
+
+    if is_video(path):
+        known = facts(path)
+        return known.height > known.width
+    height, width, _ = read_photo(path).pixels.shape
+    return height > width
+
+
+def _place(frames: Sequence["SourceFrame"], number: int) -> int:
+    """The place of a frame of the clip among those used: the nearest one."""
+    from deeplight.errors import ImageFileError
+
+    if not frames:
+        raise ImageFileError("frames with a pose", "none", "check the pose file's times or numbers")
+    return min(range(len(frames)), key=lambda k: abs(frames[k].number - number))
+
+
+def _named(paths: list[Path]) -> str:
+    return str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"

@@ -1,0 +1,235 @@
+"""Frames in, one light out: rotations found or given, then gathered in a `Session`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import degrees, radians, tan
+
+import numpy as np
+from jaxtyping import Float
+
+from deeplight.environment import Environment
+from deeplight.errors import ConfigError, ImageFileError
+from deeplight.estimators.network import NetworkEstimator
+from deeplight.estimators.protocol import PhotoLike, as_photo
+from deeplight.frames import Rotation, rotation
+from deeplight.fuse.poses import nearest_rotation
+from deeplight.fuse.session import Session
+from deeplight.fuse.sources import SourceFrame, frame_of
+from deeplight.fuse.track import track
+from deeplight.fuse.view import HEIGHT
+from deeplight.preprocess import ASSUMED_LONG_SIDE_FOV_RAD
+
+_LEVEL_SPREAD = 0.02  # least spread of where cameras' right sides point, to tell up from it
+FRONT_FROM_BACK = rotation("y", np.pi)
+"""The front camera looks the other way; what was to the right is to the left."""
+
+
+@dataclass(frozen=True)
+class FuseSettings:
+    """How to fuse.
+
+    Attributes:
+        fov_deg: vertical field of view of the upright frames; None to take it from EXIF data, and
+            else to assume 66 degrees along the long side and refine that.
+        frame: the frame (its place among those given) whose camera and white the light is in.
+        level: turn the result so that +Y is against gravity.
+        height: rows of the panorama.
+    """
+
+    fov_deg: float | None = None
+    frame: int = 0
+    level: bool = False
+    height: int = HEIGHT
+
+
+@dataclass(frozen=True, eq=False)
+class Fused:
+    """One light, and where it comes from.
+
+    Attributes:
+        environment: the light.
+        placed: frames that went into it, in the order given.
+        rotations: of the placed ones: `frame_from_camera`, the environment's frame.
+        log_gain: ln of each kept view's exposure and white balance, by frame number.
+        dropped: frames that could not be placed.
+        vertical_fov_rad: as used.
+        notes: what the user should know.
+        session: everything, to go on with.
+    """
+
+    environment: Environment
+    placed: tuple[SourceFrame, ...]
+    rotations: Float[np.ndarray, "placed 3 3"]
+    log_gain: dict[int, Float[np.ndarray, "3"]]
+    dropped: tuple[SourceFrame, ...]
+    vertical_fov_rad: float
+    notes: tuple[str, ...]
+    session: Session
+
+
+def fuse_views(
+    photos: Sequence[PhotoLike],
+    rotations: Sequence[Rotation] | None = None,
+    estimator: NetworkEstimator | None = None,
+    settings: FuseSettings = FuseSettings(),
+) -> Environment:
+    """Make one light out of several photos of one place.
+
+    Args:
+        photos: files, Pillow images or upright RGB pixels, in the order they were taken.
+        rotations: world_from_camera of each, upright picture (+X right, +Y up, -Z the view); left
+            out, they are found from the pictures.
+        estimator: left out, the shipped model.
+        settings: which frame's camera the result is in, and more.
+
+    Returns:
+        The light relative to that frame's white, and how much of it was seen.
+
+    Raises:
+        InputError: a photo cannot be used, or no two of them could be placed.
+        OSError: a file cannot be read.
+    """
+    from deeplight.estimators.open import open_model
+
+    frames = []
+    for number, photo in enumerate(photos):
+        opened = as_photo(photo)
+        name = opened.source.name if opened.source else f"photo {number}"
+        frame = frame_of(opened, name, number)
+        turn = None if rotations is None else np.asarray(rotations[number], float)
+        frames.append(replace(frame, world_from_camera=turn))
+    return fuse_frames(frames, estimator or open_model(), settings).environment
+
+
+def fuse_frames(
+    frames: Sequence[SourceFrame],
+    estimator: NetworkEstimator,
+    settings: FuseSettings = FuseSettings(),
+    front: SourceFrame | None = None,
+) -> Fused:
+    """Place frames and fuse them.
+
+    Args:
+        frames: with their rotations, or all without.
+        estimator: the network.
+        settings: how.
+        front: a photo of the front camera, taken with the first frame.
+
+    Raises:
+        ConfigError: no such frame, or level cannot be told.
+        ImageFileError: nothing can be placed, the frame asked for among it.
+    """
+    if not 0 <= settings.frame < len(frames):
+        got = f"{settings.frame} of {len(frames)} frames"
+        raise ConfigError("--frame among the frames used, from 0", got, "give another number")
+    fov, known = _field_of_view(frames, settings)
+    turns, fov, notes = _placed(frames, fov, known, single=front is not None)
+    if settings.frame not in turns:
+        got = f"{frames[settings.frame].name}, which could not be placed"
+        raise ImageFileError("a frame that shows what others show", got, "give another --frame")
+    session = Session(fov, lambda pixels: _estimated(estimator, pixels, fov))
+    first = frames[settings.frame]
+    for frame in (first, *(frames[k] for k in turns if k != settings.frame)):
+        own = frame.vertical_fov_rad if frame.world_from_camera is not None else None
+        session.add(
+            frame.pixels,
+            turns[frames.index(frame)],
+            _estimated(estimator, frame.pixels, own or fov),
+            frame.log_exposure,
+            own or fov,
+        )
+    if front is not None:
+        _add_front(session, front, turns[settings.frame], estimator)
+    world_from_frame = turns[settings.frame]
+    if settings.level:
+        world_from_frame = _levelled(frames, turns, settings.frame)
+    environment = session.environment(world_from_frame, height=settings.height)
+    if settings.level:
+        environment = replace(environment, frame="level")
+    dropped = tuple(frame for k, frame in enumerate(frames) if k not in turns)
+    return Fused(
+        environment,
+        tuple(frames[k] for k in turns),
+        np.stack([world_from_frame.T @ turn for turn in turns.values()]),
+        dict(zip((v.number for v in session.views), session.gains, strict=True)),
+        dropped,
+        fov,
+        (*notes, *dict.fromkeys(note for frame in frames for note in frame.notes)),
+        session,
+    )
+
+
+def _field_of_view(frames: Sequence[SourceFrame], settings: FuseSettings) -> tuple[float, bool]:
+    """Vertical field of view, and whether something says it."""
+    first = frames[settings.frame]
+    if settings.fov_deg is not None:
+        return radians(settings.fov_deg), True
+    if first.vertical_fov_rad is not None:
+        return first.vertical_fov_rad, True
+    height, width, _ = first.pixels.shape
+    half = tan(ASSUMED_LONG_SIDE_FOV_RAD / 2) * height / max(height, width)
+    return float(2 * np.arctan(half)), False
+
+
+def _placed(
+    frames: Sequence[SourceFrame], fov: float, known: bool, single: bool
+) -> tuple[dict[int, Rotation], float, list[str]]:
+    """Rotations of the frames that could be placed, by their place; the field of view; notes."""
+    given = {k: f.world_from_camera for k, f in enumerate(frames)}
+    turns = {k: turn for k, turn in given.items() if turn is not None}
+    if turns:
+        return turns, fov, []
+    if len(frames) == 1 and single:
+        return {0: np.eye(3)}, fov, []
+    found = track([frame.pixels for frame in frames], fov, known)
+    if not found.rotations:
+        got = f"{len(frames)} of which no two show the same thing"
+        do = "turn slower so that neighbours overlap by a third, or give --poses"
+        raise ImageFileError("pictures that overlap", got, do)
+    notes = []
+    if not known:
+        refined = degrees(found.vertical_fov_rad)
+        notes.append(f"field of view unknown, found {refined:.0f} degrees vertically: give --fov")
+    return found.rotations, found.vertical_fov_rad, notes
+
+
+def _estimated(estimator: NetworkEstimator, pixels: np.ndarray, fov: float) -> np.ndarray:
+    radiance = estimator.estimate(pixels, degrees(fov)).radiance
+    result: np.ndarray = np.log(np.maximum(radiance, 1e-6))
+    return result
+
+
+def _add_front(
+    session: Session, front: SourceFrame, back: Rotation, estimator: NetworkEstimator
+) -> None:
+    height, width, _ = front.pixels.shape
+    assumed = 2 * np.arctan(tan(ASSUMED_LONG_SIDE_FOV_RAD / 2) * height / max(height, width))
+    fov = front.vertical_fov_rad or float(assumed)
+    estimate = _estimated(estimator, front.pixels, fov)
+    # Another sensor: what its file says of exposure is on another scale.
+    session.add(front.pixels, back @ FRONT_FROM_BACK, estimate, vertical_fov_rad=fov)
+
+
+def _levelled(frames: Sequence[SourceFrame], turns: dict[int, Rotation], frame: int) -> Rotation:
+    """`world_from_frame` whose +Y is up and whose -Z is the frame's view made level."""
+    if all(f.world_from_camera is not None for f in frames):
+        up = np.array([0.0, 1.0, 0.0])  # of every pose file's world
+    else:
+        up = _up_of(np.stack(list(turns.values())))
+    view = -turns[frame][:, 2]
+    back = up * (up @ view) - view
+    if np.linalg.norm(back) < 0.1:
+        raise ConfigError("a --frame not looking straight up or down", "one that does", "choose")
+    back = back / np.linalg.norm(back)
+    return nearest_rotation(np.stack([np.cross(up, back), up, back], axis=1))
+
+
+def _up_of(turns: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3"]:
+    """The direction to which the cameras' right sides are level: people hold phones straight."""
+    spread, axes = np.linalg.eigh(np.einsum("nij,nkj->ik", turns[:, :, :1], turns[:, :, :1]))
+    if spread[1] < _LEVEL_SPREAD * len(turns):
+        got = "frames that all look one way"
+        raise ConfigError("frames from several sides, to know what is level", got, "give --poses")
+    up = axes[:, 0]
+    result: np.ndarray = up * np.sign(up @ turns[:, :, 1].mean(0))
+    return result

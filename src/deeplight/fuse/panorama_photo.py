@@ -1,0 +1,144 @@
+"""A phone's own panorama as views: equirectangular or cylindrical, with GPano metadata.
+
+What such a picture shows is cut into ordinary pictures whose rotations are exact, because the
+network and everything else here work on pictures of an ordinary camera.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil, pi, radians
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
+from deeplight.errors import ImageFileError
+from deeplight.frames import Rotation, turned, world_from_camera
+from deeplight.io.photos import read_photo
+
+PROJECTIONS = ("equirectangular", "cylindrical")
+_LOOKED_AT = 2**18  # bytes of a file in which XMP data are looked for
+_NUMBER = rb'GPano:%s(?:="|>)\s*([-\w.]+)'
+_VIEW_ROWS, _STEP_RAD = 384, radians(30)
+_LEAST_SHOWN = 0.99  # of a view's pixels that the panorama must show
+_WIDEST = TRAINED_VERTICAL_FOV_RAD
+
+
+@dataclass(frozen=True)
+class PanoramaFacts:
+    """What GPano metadata say.
+
+    Attributes:
+        projection: of `PROJECTIONS`.
+        full_width, full_height: of the whole sphere, pixels.
+        left, top: where the picture lies in it.
+    """
+
+    projection: str
+    full_width: int
+    full_height: int
+    left: int
+    top: int
+
+
+def is_panorama(path: Path) -> bool:
+    """Whether a photo names a panorama's projection in its metadata."""
+    return _value(path, b"ProjectionType") in PROJECTIONS
+
+
+def panorama_frames(
+    path: Path,
+) -> Iterator[tuple[UInt8[np.ndarray, "height width 3"], float, Rotation]]:
+    """Cut a panorama into pictures: pixels, vertical field of view, world_from_camera.
+
+    Raises:
+        OSError, ImageFileError: it cannot be read, or its metadata contradict it.
+    """
+    pixels = read_photo(path).pixels
+    facts = _facts(path, *pixels.shape[:2])
+    finest = round(_VIEW_ROWS * 2 * pi / TRAINED_VERTICAL_FOV_RAD)
+    if facts.full_width > finest:  # averaged first, so that looking up leaves nothing out
+        scale = finest / facts.full_width
+        size = (max(1, round(pixels.shape[1] * scale)), max(1, round(pixels.shape[0] * scale)))
+        pixels = np.asarray(
+            cv2.resize(np.ascontiguousarray(pixels), size, interpolation=cv2.INTER_AREA)
+        )
+        facts = _facts(path, *pixels.shape[:2])
+    around = ceil(2 * pi / _STEP_RAD)
+    found = False
+    for pitch, narrowest in ((0.0, radians(20)), (radians(42), _WIDEST), (radians(-42), _WIDEST)):
+        for k in range(around):
+            turn = world_from_camera(-2 * pi * k / around, pitch)
+            for fov in np.arange(_WIDEST, narrowest - 1e-6, -radians(8)):
+                camera = PinholeCamera(_VIEW_ROWS * 9 // 16, _VIEW_ROWS, float(fov))
+                view, shown = _cut(pixels, facts, camera, turn)
+                if shown >= _LEAST_SHOWN:
+                    found = True
+                    yield view, camera.vertical_fov_rad, turn
+                    break
+    if not found:
+        got = f"{path}, which shows less than one view"
+        raise ImageFileError("a panorama wider than a photo", got, "give it as a plain photo")
+
+
+def _facts(path: Path, height: int, width: int) -> PanoramaFacts:
+    def number(name: bytes, default: int) -> int:
+        text = _value(path, name)
+        try:
+            return default if text is None else int(float(text))
+        except ValueError:
+            return default
+
+    projection = _value(path, b"ProjectionType") or "equirectangular"
+    own_width = number(b"CroppedAreaImageWidthPixels", width)
+    own_height = number(b"CroppedAreaImageHeightPixels", height)
+    whole = number(b"FullPanoWidthPixels", own_width)
+    high = number(b"FullPanoHeightPixels", whole // 2)
+    left = number(b"CroppedAreaLeftPixels", (whole - own_width) // 2)
+    top = number(b"CroppedAreaTopPixels", (high - own_height) // 2)
+    # A picture made smaller later keeps the numbers of the original.
+    scale = width / max(1, own_width)
+    facts = PanoramaFacts(projection, *(round(scale * n) for n in (whole, high, left, top)))
+    fits = facts.full_width >= width > 0 and facts.full_height > 0 and facts.left >= 0
+    if not fits or facts.left + width > facts.full_width + 1:
+        got = f"{path} of {width} x {height} pixels in {facts}"
+        raise ImageFileError("GPano metadata that fit the picture", got, "correct or remove them")
+    return facts
+
+
+def _cut(
+    panorama: UInt8[np.ndarray, "height width 3"],
+    facts: PanoramaFacts,
+    camera: PinholeCamera,
+    turn: Rotation,
+) -> tuple[UInt8[np.ndarray, "h w 3"], float]:
+    """What a camera would show of the panorama, and the share of its pixels that it does show."""
+    rays = turned(camera.rays(), turn)
+    column = (np.arctan2(rays[..., 0], -rays[..., 2]) / (2 * pi) + 0.5) * facts.full_width
+    if facts.projection == "cylindrical":
+        focal = facts.full_width / (2 * pi)
+        slope = rays[..., 1] / np.maximum(np.hypot(rays[..., 0], rays[..., 2]), 1e-9)
+        row = facts.full_height / 2 - focal * slope
+    else:
+        row = np.arccos(np.clip(rays[..., 1], -1, 1)) / pi * facts.full_height
+    column, row = column - facts.left - 0.5, row - facts.top - 0.5
+    height, width, _ = panorama.shape
+    shown = (row > -1) & (row < height) & (column > -1) & (column < width)
+    pixels = cv2.remap(
+        np.ascontiguousarray(panorama),
+        column.astype(np.float32),
+        row.astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(pixels), float(shown.mean())
+
+
+def _value(path: Path, name: bytes) -> str | None:
+    with path.open("rb") as file:
+        start = file.read(_LOOKED_AT)
+    found = re.search(_NUMBER % name, start)
+    return found.group(1).decode("ascii", "replace").lower() if found else None

@@ -1,0 +1,174 @@
+"""What `deeplight fuse` is given, as frames: photos, a clip's telling frames, phone panoramas."""
+
+import math
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+from PIL import Image
+
+from deeplight.errors import ConfigError
+from deeplight.frames import Rotation
+from deeplight.fuse.panorama_photo import is_panorama, panorama_frames
+from deeplight.fuse.poses import Poses, angle_between
+from deeplight.fuse.track import WORKING_SIDE
+from deeplight.io.photos import Photo, read_photo
+from deeplight.io.video import Still, is_video, stills
+
+MOST_FRAMES = 160
+"""Of a clip; when more would be kept every other one is dropped."""
+_MOVED, _ENOUGH = 0.07, 0.14  # of the picture's width: between these the sharpest frame is kept
+_LONGEST_S = 2.0  # a clip that stands still gives a frame now and then all the same
+_POSED_RAD = math.radians(6)
+_TINY = 96  # pixels along the shorter side where movement is looked at
+
+
+@dataclass(frozen=True, eq=False)
+class SourceFrame:
+    """One frame to fuse.
+
+    Attributes:
+        name: what it is called in messages.
+        pixels: upright, at most `WORKING_SIDE` on its longer side.
+        number: in its clip, or in the list of photos.
+        time_s: in its clip; 0 for photos.
+        vertical_fov_rad: if its file says; None if not.
+        log_exposure: ln of exposure from EXIF data; nan if not there.
+        world_from_camera: if its file says, as a panorama does.
+        notes: what reading had to decide.
+    """
+
+    name: str
+    pixels: UInt8[np.ndarray, "height width 3"]
+    number: int
+    time_s: float = 0.0
+    vertical_fov_rad: float | None = None
+    log_exposure: float = math.nan
+    world_from_camera: Rotation | None = None
+    notes: tuple[str, ...] = ()
+
+
+def read_frames(paths: Sequence[Path], poses: Poses | None) -> list[SourceFrame]:
+    """Read a clip, photos or panoramas; frames that no pose places are left out if there are poses.
+
+    Raises:
+        OSError, InputError: a file cannot be read or is no photo, clip or panorama.
+        ConfigError: clips and photos are mixed, or there are several clips.
+    """
+    clips = [path for path in paths if is_video(path)]
+    if clips and len(paths) > 1:
+        raise ConfigError("one clip, or photos", f"{len(paths)} files", "fuse them one by one")
+    if clips:
+        frames = list(_of_clip(clips[0], poses))
+        while len(frames) > MOST_FRAMES:
+            frames = frames[::2]
+        return frames
+    found: list[SourceFrame] = []
+    for path in paths:
+        if is_panorama(path):
+            found += [
+                SourceFrame(f"{path.name}", pixels, len(found) + k, 0.0, fov, 0.0, turn)
+                for k, (pixels, fov, turn) in enumerate(panorama_frames(path))
+            ]
+        else:
+            found.append(frame_of(read_photo(path), path.name, len(found)))
+    return found
+
+
+def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> SourceFrame:
+    """A photo as a frame: made small, its exposure read."""
+    exposure = math.nan if photo.source is None else log_exposure_of(photo.source)
+    return SourceFrame(
+        name,
+        shrunk(photo.pixels),
+        number,
+        time_s,
+        photo.vertical_fov_rad,
+        exposure,
+        notes=photo.notes,
+    )
+
+
+def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:
+    """The picture averaged down to `WORKING_SIDE` pixels on its longer side."""
+    scale = WORKING_SIDE / max(pixels.shape[:2])
+    upright = np.ascontiguousarray(pixels)
+    if scale >= 1:
+        return upright
+    return np.asarray(cv2.resize(upright, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+
+
+def log_exposure_of(path: Path) -> float:
+    """ln of exposure time times ISO over the f-number squared, from EXIF data; nan without them."""
+    try:
+        with Image.open(path) as picture:
+            camera = picture.getexif().get_ifd(0x8769)
+        values = [float(camera.get(tag, math.nan)) for tag in (0x829A, 0x829D)]
+        iso = camera.get(0x8827, math.nan)
+        sensitivity = float(iso[0] if isinstance(iso, tuple) else iso)
+        exposure = values[0] * sensitivity / values[1] ** 2
+    except (OSError, ValueError, TypeError, SyntaxError, ZeroDivisionError, struct.error):
+        return math.nan  # no photo for Pillow, or nonsense in its data
+    return math.log(exposure) if 0 < exposure < math.inf else math.nan
+
+
+def _of_clip(path: Path, poses: Poses | None) -> Iterator[SourceFrame]:
+    chosen = _moving(stills(path)) if poses is None else _posed(stills(path), poses)
+    for still in chosen:
+        photo = Photo(still.rgb(), None, notes=still.notes)
+        yield frame_of(photo, f"frame {still.number}", still.number, still.time_s)
+
+
+def _posed(source: Iterator[Still], poses: Poses) -> Iterator[Still]:
+    """Frames that have a pose, a few degrees apart."""
+    last: Rotation | None = None
+    for still in source:
+        turn = poses.at(still.number, still.time_s)
+        if turn is not None and (last is None or angle_between(last, turn) > _POSED_RAD):
+            last = turn
+            yield still
+
+
+def _moving(source: Iterator[Still]) -> Iterator[Still]:
+    """The first frame, and then the sharpest of those that show something new."""
+    first = next(source)
+    yield first
+    key, key_s, best = _tiny(first), first.time_s, None
+    for still in source:
+        now = _tiny(still)
+        moved = _movement(key, now)
+        sharpness = _sharpness(now)
+        if moved > _MOVED and (best is None or sharpness > best[1]):
+            best = (still, sharpness, now)
+        if best and (moved > _ENOUGH or still.time_s - key_s > _LONGEST_S):
+            yield best[0]
+            key, key_s, best = best[2], best[0].time_s, None
+        elif still.time_s - key_s > _LONGEST_S:
+            yield still
+            key, key_s = now, still.time_s
+    if best:
+        yield best[0]
+
+
+def _tiny(still: Still) -> Float[np.ndarray, "h w"]:
+    def average(luma: np.ndarray) -> np.ndarray:
+        scale = _TINY / min(luma.shape)
+        size = (round(luma.shape[1] * scale), round(luma.shape[0] * scale))
+        return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA))
+
+    return still.averaged_luma(average).astype(np.float32)
+
+
+def _movement(one: Float[np.ndarray, "h w"], other: Float[np.ndarray, "h w"]) -> float:
+    """How far the picture has moved, of its shorter side; 1 where it is not to be told."""
+    window = cv2.createHanningWindow(one.shape[::-1], cv2.CV_32F)
+    (across, down), response = cv2.phaseCorrelate(one, other, window)
+    return float(np.hypot(across, down)) / min(one.shape) if response > 0.05 else 1.0
+
+
+def _sharpness(grey: Float[np.ndarray, "h w"]) -> float:
+    return float(cv2.Laplacian(grey, cv2.CV_32F).var() / max(float(grey.var()), 1.0))

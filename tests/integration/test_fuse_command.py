@@ -1,0 +1,181 @@
+"""`deeplight fuse` on files: a clip with poses, photos, a panorama, a front camera, bad input."""
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+cv2 = pytest.importorskip("cv2")
+pytest.importorskip("av")
+
+from deeplight.cli.main import main  # noqa: E402
+from deeplight.fuse.session import Session  # noqa: E402
+from deeplight.io.environment_file import read_environment  # noqa: E402
+from deeplight.io.photos import encode_jpeg, write_png  # noqa: E402
+from deeplight.io.video_writer import VideoWriter  # noqa: E402
+from deeplight.mappings import latlong  # noqa: E402
+from deeplight.mappings.resample import shrink_latlong  # noqa: E402
+from lab.pans import Pan, Sweep, Troubles, film_pan  # noqa: E402
+
+HEIGHT = 64
+
+
+@lru_cache
+def pan() -> Pan:
+    """A turn of 12 pictures through a place full of things of all sizes and colours."""
+    rng = np.random.default_rng(3)
+    place = np.full((256, 512, 3), 0.3, np.float32)
+    for size in np.geomspace(60, 3, 700):
+        centre = (int(rng.integers(512)), int(rng.integers(40, 216)))
+        axes = (int(size * rng.uniform(0.3, 1)), int(size * rng.uniform(0.3, 1)))
+        colour = rng.uniform(0.02, 0.9, 3).tolist()
+        cv2.ellipse(place, centre, axes, rng.uniform(0, 180), 0, 360, colour, -1)
+    return film_pan(place, Sweep(12), Troubles(0.0), np.random.default_rng(1), (320, 180))
+
+
+def clip(folder: Path) -> Path:
+    path = folder / "clip.mp4"
+    with VideoWriter(path, 180, 320, 5.0) as writer:
+        for frame in pan().frames:
+            writer.write(frame.pixels)
+    return path
+
+
+def photos(folder: Path, count: int) -> list[str]:
+    paths = [folder / f"{k:02d}.png" for k in range(count)]
+    for path, frame in zip(paths, pan().frames, strict=False):
+        write_png(path, frame.pixels)
+    return [str(path) for path in paths]
+
+
+def poses(folder: Path) -> Path:
+    path = folder / "poses.json"
+    frames = [{"rotation": frame.rotation.tolist()} for frame in pan().frames]
+    path.write_text(json.dumps({"convention": "webxr", "frames": frames}))
+    return path
+
+
+def fuse(out: Path, *words: str | Path) -> int:
+    return main(["fuse", *map(str, words), "--out", str(out), "--height", str(HEIGHT)])
+
+
+def error(result: Path) -> float:
+    found = read_environment(result)
+    assert found.seen is not None
+    wanted = shrink_latlong(pan().truth(), HEIGHT)
+    return float(np.median(np.abs(np.log(found.radiance / wanted))[found.seen > 0.99]))
+
+
+def test_a_clip_with_poses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    session = tmp_path / "state.npz"
+    words = ("--poses", poses(tmp_path), "--fov", "66", "--session", session)
+    assert fuse(out, clip(tmp_path), *words) == 0
+    names = ["clip.exr", "clip.json", "clip.preview.png"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert error(out / "clip.json") < 0.12
+    assert "12 frames, 5" in capsys.readouterr().out
+    record = json.loads((out / "clip.json").read_text())
+    assert len(record["fused"]["frames"]) == 12
+    loaded = Session.load(session, lambda _: np.zeros((32, 32, 3), np.float32))
+    np.testing.assert_allclose(
+        loaded.environment(height=HEIGHT).radiance,
+        read_environment(out / "clip.json").radiance,
+        rtol=1e-3,
+    )
+
+
+def test_photos_are_placed_by_what_they_show(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert fuse(out, *photos(tmp_path, 5), "--fov", "66") == 0
+    assert error(out / "00.json") < 0.15
+
+
+def test_another_frame_is_another_camera(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert fuse(out, *photos(tmp_path, 5), "--fov", "66", "--frame", "2") == 0
+    assert error(out / "00.json") > 0.25
+
+
+def test_a_photo_from_elsewhere_is_left_out_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stray = tmp_path / "stray.png"
+    write_png(stray, np.random.default_rng(0).integers(0, 255, (320, 180, 3)).astype(np.uint8))
+    assert fuse(tmp_path / "out", *photos(tmp_path, 4), stray) == 0
+    assert "could not be placed: stray.png" in capsys.readouterr().out
+
+
+def test_nothing_placed_is_said_and_nothing_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, grey in (("a.png", 90), ("b.png", 160)):
+        write_png(tmp_path / name, np.full((320, 180, 3), grey, np.uint8))
+    assert fuse(tmp_path / "out", tmp_path / "a.png", tmp_path / "b.png") == 2
+    assert "expected pictures that overlap" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_front_and_back_camera_look_opposite_ways(tmp_path: Path) -> None:
+    write_png(tmp_path / "back.png", np.full((320, 180, 3), (150, 90, 90), np.uint8))
+    write_png(tmp_path / "front.png", np.full((320, 180, 3), (90, 90, 150), np.uint8))
+    out = tmp_path / "out"
+    assert fuse(out, tmp_path / "back.png", "--front", tmp_path / "front.png") == 0
+    found = read_environment(out / "back.json")
+    assert found.seen is not None
+    ahead, behind = found.radiance[HEIGHT // 2, HEIGHT], found.radiance[HEIGHT // 2, 0]
+    assert ahead[0] > 1.5 * ahead[2]
+    assert behind[2] > 1.5 * behind[0]
+    assert found.seen[HEIGHT // 2, [0, HEIGHT, HEIGHT // 2]].tolist() == [1, 1, 0]
+
+
+def test_a_level_light_has_up_at_the_top(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert fuse(out, clip(tmp_path), "--poses", poses(tmp_path), "--fov", "66", "--level") == 0
+    found = read_environment(out / "clip.json")
+    assert found.seen is not None
+    rows = (found.seen > 0.5).nonzero()[0]
+    wanted = HEIGHT * (100 / 180)  # the ring looked 10 degrees down
+    assert abs(rows.mean() - wanted) < 1.5
+
+
+def test_a_phones_panorama_is_seen_where_it_shows(tmp_path: Path) -> None:
+    whole = (np.clip(pan().panorama, 0, 1) ** (1 / 2.2) * 255).astype(np.uint8)
+    xmp = (
+        b"http://ns.adobe.com/xap/1.0/\0<x:xmpmeta><rdf:Description "
+        b'GPano:ProjectionType="equirectangular" GPano:FullPanoWidthPixels="512" '
+        b'GPano:FullPanoHeightPixels="256"/></x:xmpmeta>'
+    )
+    jpeg = encode_jpeg(whole)
+    segment = b"\xff\xe1" + (len(xmp) + 2).to_bytes(2, "big") + xmp
+    (tmp_path / "pano.jpg").write_bytes(jpeg[:2] + segment + jpeg[2:])
+    assert fuse(tmp_path / "out", tmp_path / "pano.jpg") == 0
+    found = read_environment(tmp_path / "out" / "pano.json")
+    assert found.seen is not None
+    solid_angle = latlong.solid_angles(HEIGHT, 2 * HEIGHT)
+    assert (found.seen * solid_angle).sum() / (4 * np.pi) > 0.9
+    wanted = shrink_latlong(pan().panorama, HEIGHT)
+    off = np.abs(np.log(found.radiance / wanted))[found.seen > 0.99]
+    assert np.median(off) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--fov", "200"], "--fov between"),
+        (["--height", "3"], "--height from"),
+        (["--session", "x.txt"], "--session FILE.npz"),
+        (["--poses", "missing.json"], "missing.json"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    (photo,) = photos(tmp_path, 1)
+    out = str(tmp_path / "out")
+    assert main(["fuse", photo, "--out", out, *words]) == 2
+    complaint = capsys.readouterr().err
+    assert message in complaint
+    assert complaint.count("\n") == 1
