@@ -10,13 +10,13 @@ from jaxtyping import Float
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.estimators.network import NetworkEstimator
-from deeplight.estimators.protocol import PhotoLike, as_photo
 from deeplight.frames import Rotation, rotation
 from deeplight.fuse.poses import nearest_rotation
 from deeplight.fuse.session import Session
 from deeplight.fuse.sources import SourceFrame, frame_of
 from deeplight.fuse.track import track
 from deeplight.fuse.view import HEIGHT
+from deeplight.io.photo_like import PhotoLike, as_photo
 from deeplight.preprocess import ASSUMED_LONG_SIDE_FOV_RAD
 
 _LEVEL_SPREAD = 0.02  # least spread of where cameras' right sides point, to tell up from it

@@ -27,6 +27,8 @@ ESTIMATE_ROWS = 64
 """Rows of the panorama in which estimates are merged; a pixel of theirs is 7 degrees wide."""
 BRIGHTEST = 30.0
 """So many times the bound's power clipped pixels get at most."""
+_LEVEL = 0.5  # sine of the pitch at which an estimate's power counts 1 / e
+_DIM = 1.3  # what estimates lack: found on the validation places' pans, see docs/fuse.md
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
 _LOBE_KAPPA = 20.0  # of the lobe of lost power: 18 degrees
 _FIND_KAPPA = 12.0  # width in which the brightest place is looked for
@@ -69,7 +71,7 @@ def environment_of(
     radiance = known * seen.radiance + (1 - known) * logs
     radiance += _lost_lobe(logs, mean, 1 - seen.share)
     if seen.clipped.any():
-        radiance = _with_lamps(radiance, mean, seen)
+        radiance = _with_lamps(radiance, mean, seen, expected_power(views, log_gain))
     return Environment(radiance, np.clip(seen.share, 0, 1))
 
 
@@ -138,11 +140,28 @@ def _brightest(power: Panorama) -> Float32[np.ndarray, "3"]:
     return directions[int((near @ coarse).argmax())]
 
 
-def _with_lamps(radiance: Panorama, mean: Panorama, seen: Seen) -> Panorama:
+def expected_power(views: Sequence[View], log_gain: Gains) -> Float[np.ndarray, "3"]:
+    """Radiance summed over all directions that the estimates speak for, per channel.
+
+    The network knows pictures held level best; of one that looks into a lamp it may say ten times
+    too much. So views count by how level they look, and between the mean of their power and that
+    of its logarithm, which is too dark, stands the square of the mean root.
+    """
+    up = np.mean([view.world_from_camera[:, 1] for view in views], axis=0)
+    up = up / max(float(np.linalg.norm(up)), 1e-9)
+    weight = np.array([np.exp(-((view.towards @ up / _LEVEL) ** 2)) for view in views])
+    weight = weight / weight.sum()
+    roots = np.exp((np.stack([log_power(view) for view in views]) - log_gain) / 2)
+    result: np.ndarray = 4 * np.pi * _DIM * (weight @ roots) ** 2
+    return result
+
+
+def _with_lamps(
+    radiance: Panorama, mean: Panorama, seen: Seen, whole: Float[np.ndarray, "3"]
+) -> Panorama:
     """Clipped pixels with the power that the estimates have and nothing else explains."""
     height = len(radiance)
     solid_angle = latlong.solid_angles(height, 2 * height)
-    whole = np.einsum("hwc,hw->c", mean, solid_angle)
     power = np.einsum("hwc,hw->c", radiance, solid_angle)
     bound = np.einsum("hwc,hw->c", radiance, solid_angle * seen.clipped)
     missing = np.maximum(whole - power, 0)
