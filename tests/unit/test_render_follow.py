@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from deeplight.camera import PinholeCamera
-from deeplight.compose.follow import Follower, smoothed, turned_to
+from deeplight.compose.follow import Follower, turned_to
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.look import blurred
 from deeplight.compose.trace import Quality
 from deeplight.frames import turned
-from deeplight.lighting import Lighting
-from deeplight.mappings import latlong, resample
+from deeplight.mappings import resample
 
 VIEW = Viewpoint(PinholeCamera(160, 240, np.radians(60)), 1.4, np.radians(-25), np.radians(5))
 
@@ -54,27 +53,6 @@ def test_the_turned_camera_sees_the_point_where_it_should(x: float, y: float) ->
     assert abs(now.pitch_rad - VIEW.pitch_rad) < 0.4
     assert abs(now.yaw_rad) < 0.4
     assert now.roll_rad == VIEW.roll_rad
-
-
-def world_light(view: Viewpoint) -> Lighting:
-    directions = turned(latlong.directions(64, 128), view.world_from_camera)
-    sky = np.exp(2 * directions[..., 1:2] + directions[..., :1]) * np.ones(3)
-    return Lighting.from_latlong(sky.astype(np.float32))
-
-
-def test_light_that_stands_still_stays_itself_when_the_camera_turns() -> None:
-    now = replace(VIEW, yaw_rad=0.6)
-    whole = smoothed(world_light(VIEW), VIEW, world_light(now), now, share=0.0)
-    true, inside = world_light(now).radiance, world_light(now).radiance > 0
-    assert np.abs(np.log(whole.radiance[inside] / true[inside])).mean() < 0.03
-    unturned = world_light(VIEW).radiance  # the twin
-    assert np.abs(np.log(unturned[inside] / true[inside])).mean() > 0.1
-
-
-def test_smoothing_takes_a_share_of_what_is_new() -> None:
-    dark, bright = (Lighting(np.full((32, 32, 3), v, np.float32)) for v in (1.0, np.e))
-    mixed = smoothed(dark, VIEW, bright, VIEW, share=0.25).radiance
-    assert np.log(mixed[16, 16]) == pytest.approx(0.25, abs=0.01)
 
 
 def test_a_video_gives_a_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

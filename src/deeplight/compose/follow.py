@@ -2,7 +2,7 @@
 
 The camera is taken to turn about one point: that is what a hand mostly does. The surface around
 the object is followed from frame to frame, and the camera turned so that the object's place
-appears there. The light, estimated in each frame, is smoothed in the world, not in the camera.
+appears there.
 """
 
 from dataclasses import replace
@@ -12,13 +12,10 @@ from jaxtyping import Float
 
 from deeplight.compose.ground import Viewpoint
 from deeplight.frames import rotation
-from deeplight.lighting import Lighting
 
-NEW_SHARE = 0.25  # of a frame's own estimate in the smoothed light
 _TRACKED_WIDTH = 240  # pixels; frames are averaged down to about it
 _WINDOW = 0.6  # side of the followed patch, of the frame's shorter side
 _REKEY = 0.2  # a patch that has moved by this part of itself is taken anew
-_DARKEST = 1e-4
 
 
 class Follower:
@@ -75,16 +72,6 @@ def turned_to(viewpoint: Viewpoint, point: Float[np.ndarray, "3"], x: float, y: 
     across = wanted[0] * raised[2] - wanted[2] * raised[0]
     along = wanted[0] * raised[0] + wanted[2] * raised[2]
     return replace(viewpoint, pitch_rad=pitch, yaw_rad=float(np.arctan2(across, along)))
-
-
-def smoothed(
-    before: Lighting, at: Viewpoint, light: Lighting, now: Viewpoint, share: float = NEW_SHARE
-) -> Lighting:
-    """The last frame's light, turned into this camera, and this frame's: mean of ln radiance."""
-    old = before.rotated(now.world_from_camera.T @ at.world_from_camera).radiance
-    logs = (np.log(np.maximum(radiance, _DARKEST)) for radiance in (old, light.radiance))
-    old_log, new_log = logs
-    return Lighting.from_log_radiance((1 - share) * old_log + share * new_log)
 
 
 def _shift(

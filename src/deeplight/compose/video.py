@@ -9,20 +9,22 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from deeplight.compose.compose import Item, Settings, matched, placed, rendered, scene_of
-from deeplight.compose.follow import Follower, smoothed, turned_to
+from deeplight.compose.follow import Follower, turned_to
 from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.look import Look
 from deeplight.compose.scene import Scene
 from deeplight.compose.trace import Quality
 from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.fuse.session import Session
 from deeplight.io.photos import Photo
 from deeplight.io.video import Still, facts, stills
 from deeplight.io.video_writer import VideoWriter
-from deeplight.lighting import Lighting
 from deeplight.mappings.resample import turned_latlong
 
 FRAME = Quality(samples=32, shadow_samples=24, shadow_pixels=2_000, most_rays=150_000)
 """Rays of one frame of a preview."""
+LIGHT_ROWS = 256  # of the panorama that lights a frame
+_DARKEST = 1e-4
 
 
 def compose_video(
@@ -44,7 +46,7 @@ def compose_video(
         settings: how to render.
         placement: what is known of how the camera stood.
         light: latlong radiance in the first frame's camera, which then stands still in the world;
-            left out, it is estimated in each frame.
+            left out, it is fused from all frames so far, so that it stands still as well.
         gain: factor on the light.
         progress: called with (frames done, frames in all, None if unknown).
 
@@ -74,7 +76,6 @@ class _Film:
     estimator: OnnxEstimator
     given_light: np.ndarray | None
     gain: np.float32
-    lighting: Lighting
     scene: Scene
     look: Look
     follower: Follower
@@ -106,7 +107,6 @@ def _begin(
         estimator,
         None if given is None else light,
         factor,
-        estimate.lighting,
         scene,
         matched(photo.pixels, settings),
         Follower(first.luma.astype(np.float32), float(x), float(y)),
@@ -115,21 +115,31 @@ def _begin(
     )
 
 
+def _session(film: _Film) -> Session:
+    fov_rad = film.scene.viewpoint.camera.vertical_fov_rad
+
+    def estimate(pixels: np.ndarray) -> np.ndarray:
+        radiance = film.estimator.estimate(pixels, float(np.degrees(fov_rad))).radiance
+        logs: np.ndarray = np.log(np.maximum(radiance, _DARKEST))
+        return logs
+
+    return Session(fov_rad, estimate)
+
+
 def _frames(
     film: _Film, source: Iterator[Still]
 ) -> Iterator[tuple[float, UInt8[np.ndarray, "height width 3"]]]:
     """Time and pixels of every finished frame."""
-    lighting, before = film.lighting, film.scene.viewpoint
-    fov_deg = float(np.degrees(before.camera.vertical_fov_rad))
-    light = film.given_light
+    before = film.scene.viewpoint
+    session = _session(film)
     for still in source:
         pixels = still.rgb()
         x, y = film.follower.update(still.luma.astype(np.float32))
         now = turned_to(before, film.anchor, x, y)
         if film.given_light is None:
-            new = film.estimator.estimate(pixels, fov_deg)
-            lighting = smoothed(lighting, before, new, now)
-            light = film.gain * lighting.latlong()
+            turn = now.world_from_camera
+            added = session.add(pixels, turn)
+            light = film.gain * session.environment(turn, added.log_gain, LIGHT_ROWS).radiance
         else:  # a given light stands still in the world
             new_from_first = now.world_from_camera.T @ film.scene.viewpoint.world_from_camera
             light = turned_latlong(film.given_light, new_from_first)

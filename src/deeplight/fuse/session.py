@@ -39,7 +39,7 @@ Estimate = Callable[[UInt8[np.ndarray, "height width 3"]], Float32[np.ndarray, "
 """Gives ln radiance on the mirror ball for a picture: the network."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Added:
     """What became of a frame.
 
@@ -47,11 +47,13 @@ class Added:
         views: how many are kept now.
         forgotten: everything before the last few frames was dropped: the light or place changed.
         disagreement: of this frame with what was known, ln; 0 where nothing overlaps.
+        log_gain: ln of this frame's exposure and white balance over the first frame's.
     """
 
     views: int
     forgotten: bool
     disagreement: float
+    log_gain: Float[np.ndarray, "3"]
 
 
 class Session:
@@ -171,6 +173,7 @@ class Session:
         self._views.append(view)
         disagreement = self._compare(slot)
         self._solve()
+        log_gain = self.gains[slot]
         self._strange = self._strange + 1 if disagreement > CHANGED else 0
         forgotten = self._strange >= PATIENCE
         if forgotten:
@@ -178,7 +181,7 @@ class Session:
             self._strange = 0
         else:
             self._thin(slot)
-        return Added(len(self._views), forgotten, disagreement)
+        return Added(len(self._views), forgotten, disagreement, log_gain)
 
     def _compare(self, slot: int) -> float:
         """Fill in what the view in a slot and all before it share; how far they disagree."""
