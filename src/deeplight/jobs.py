@@ -5,13 +5,17 @@ the work writes goes to a folder that every machine sees; what it returns comes 
 """
 
 import logging
+import multiprocessing
 import os
+import signal
 import socket
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
+from multiprocessing.connection import wait as wait_for_end
 from typing import Any, Generic, Literal, TypeVar
 
 from deeplight.errors import ConfigError, InputError, MissingExtraError
@@ -58,6 +62,10 @@ class Done(Generic[Job, Result]):
 LOCAL = Engine()
 
 
+def _nothing() -> None:
+    pass
+
+
 def run(
     jobs: Sequence[Job], work: Callable[[Job], Result], engine: Engine = LOCAL
 ) -> Iterator[Done[Job, Result]]:
@@ -92,17 +100,52 @@ def _attempt(work: Callable[[Job], Result], job: Job) -> Done[Job, Result]:
 def _in_processes(
     jobs: Sequence[Job], work: Callable[[Job], Result], workers: int
 ) -> Iterator[Done[Job, Result]]:
-    # Spawned, not forked: the parent may hold threads of numerical libraries.
-    with ProcessPoolExecutor(workers, get_context("spawn"), _one_thread_each) as pool:
+    with processes(workers, _one_thread_each) as pool:
         running = {pool.submit(_attempt, work, job) for job in jobs}
+        while running:
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+
+
+@contextmanager
+def processes(
+    workers: int, prepare: Callable[[], None] = _nothing
+) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of processes that never outlives the `with` block, nor this process.
+
+    When the block ends by an exception (an interrupt, a generator that is closed), the processes
+    are ended in the middle of their jobs: what they wrote whole stays. When this process dies,
+    they follow it.
+    """
+    # Spawned, not forked: the parent may hold threads of numerical libraries.
+    with ProcessPoolExecutor(workers, get_context("spawn"), begin_worker, (prepare,)) as pool:
         try:
-            while running:
-                done, running = wait(running, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield future.result()
+            yield pool
         except BaseException:
+            children = list((pool._processes or {}).values())
             pool.shutdown(wait=False, cancel_futures=True)
+            for child in children:
+                child.terminate()
             raise
+
+
+def begin_worker(prepare: Callable[[], None] = _nothing) -> None:
+    """Prepare a child process of `multiprocessing`: it ends with its parent, not by Ctrl-C.
+
+    A terminal's Ctrl-C reaches the children too; their parent ends them.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        watch = threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True)
+        watch.start()
+    prepare()
+
+
+def _follow(sentinel: int) -> None:
+    wait_for_end([sentinel])
+    os._exit(1)
 
 
 def _one_thread_each() -> None:

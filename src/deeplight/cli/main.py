@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from types import ModuleType
 
+from deeplight.cli.stopping import Stopped, stopping
 from deeplight.errors import InputError, MissingExtraError
 
 VERBS = {
@@ -94,7 +95,8 @@ def run_command(program: str, module: str | ModuleType, words: list[str]) -> int
     try:
         if isinstance(module, str):
             module = importlib.import_module(module)
-        module.run(_parse(module, program, words))
+        with stopping():
+            module.run(_parse(module, program, words))
         sys.stdout.flush()  # a reader that has gone away shows here at the latest
     except BrokenPipeError:
         # Python flushes once more at exit and would complain then.
@@ -103,6 +105,9 @@ def run_command(program: str, module: str | ModuleType, words: list[str]) -> int
     except KeyboardInterrupt:
         _complain(program, "interrupted")
         return INTERRUPTED
+    except Stopped as stopped:
+        _complain(program, f"ended by {stopped}")
+        return 128 + stopped.number
     except InputError as error:
         return _complain(program, str(error))
     except OSError as error:

@@ -10,10 +10,8 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,7 @@ from deeplight.dataset import DataSet, Manifest, open_dataset
 from deeplight.dataset.manifest import MANIFEST
 from deeplight.errors import ConfigError, DataSetError
 from deeplight.io.radiance import read_hdr
-from deeplight.jobs import Engine
+from deeplight.jobs import Engine, processes
 from deeplight.simulate.run import Recipe, plan, simulate
 
 RECIPES = {
@@ -101,7 +99,7 @@ def benchmark_data(name: str, hdri: Path | None, folder: Path, workers: int = 0)
 
 def make(hdri: Path, folder: Path, recipe: Recipe, workers: int = 0) -> Manifest:
     """Film a recipe in a process of its own, in the environment `PINNED`."""
-    with _environment(PINNED), ProcessPoolExecutor(1, get_context("spawn")) as pool:
+    with _environment(PINNED), processes(1) as pool:
         return pool.submit(_film, hdri, folder, recipe, workers).result()
 
 

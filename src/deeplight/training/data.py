@@ -12,6 +12,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from deeplight.dataset import Chosen, SplitIndex
 from deeplight.errors import ConfigError
+from deeplight.jobs import begin_worker
 from deeplight.preprocess import landscape_background
 from deeplight.training.devices import ALONE, Share
 from deeplight.training.network.generator import PHOTO_SIZE, Orientation
@@ -142,13 +143,19 @@ def decoded_gib(examples: ExampleBytes) -> float:
     return len(examples) * (first.photo.nbytes + first.spheres.nbytes) / 2**30
 
 
+def _begin_worker(_number: int) -> None:
+    begin_worker()
+
+
 def preload(examples: Dataset[Batch], workers: int, batch_size: int = 16) -> Batch:
     """All examples decoded, in order."""
     first = examples[0]
     count = len(examples)  # type: ignore[arg-type]
     whole = Batch(*(part.new_empty((count, *part.shape)) for part in first))
     start = 0
-    for batch in DataLoader(examples, batch_size, num_workers=workers):
+    for batch in DataLoader(
+        examples, batch_size, num_workers=workers, worker_init_fn=_begin_worker
+    ):
         for table, part in zip(whole, batch, strict=True):
             table[start : start + len(part)] = part
         start += len(batch[0])
@@ -200,6 +207,7 @@ class BatchSource:
             num_workers=self.config.workers,
             prefetch_factor=2 if self.config.workers else None,
             pin_memory=self.device.type == "cuda",
+            worker_init_fn=_begin_worker,
         )
         for batch in loader:
             yield to_device(Batch(*batch), self.device)
