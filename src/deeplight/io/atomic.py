@@ -100,6 +100,9 @@ def _lives(process: int) -> bool:
         return False
     except PermissionError:
         return True
+    with contextlib.suppress(OSError):  # ended, and nobody has asked how: so it stays for a while
+        state = Path(f"/proc/{process}/stat").read_text("utf-8", "replace").rpartition(")")[2]
+        return state.split()[0] not in "ZX"
     return True
 
 
