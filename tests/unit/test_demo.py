@@ -1,11 +1,15 @@
 """The demo's server gives its files and nothing else, whatever it is asked."""
 
+import contextlib
+import gzip
 import http.client
 import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -42,7 +46,13 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def server(folder: Path) -> Iterator[DemoServer]:
-    with DemoServer(Site.installed(folder)) as running:
+    with serving(DemoServer(Site.installed(folder))) as running:
+        yield running
+
+
+@contextmanager
+def serving(server: DemoServer) -> Iterator[DemoServer]:
+    with server as running:
         thread = threading.Thread(target=running.serve_forever, args=(0.01,))
         thread.start()
         yield running
@@ -132,7 +142,9 @@ def test_the_policy_allows_nothing_from_elsewhere_and_no_inline_scripts() -> Non
     ],
 )
 def test_nothing_else_is_found(server: DemoServer, address: str) -> None:
-    answer = say(server, f"GET {address} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n".encode())
+    answer = say(
+        server, f"GET {address} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode()
+    )
     assert answer.startswith(b"HTTP/1.1 404 ")
     assert SECRET not in answer
 
@@ -153,7 +165,7 @@ def test_only_reading_is_allowed(server: DemoServer, method: str) -> None:
 def test_an_upload_is_refused_before_it_is_read(server: DemoServer) -> None:
     head = b"POST /model/deeplight.onnx HTTP/1.1\r\nHost: x\r\nContent-Length: 9000000000\r\n\r\n"
     assert say(server, head).startswith(b"HTTP/1.1 405 ")
-    head = b"GET / HTTP/1.1\r\nHost: x\r\nContent-Length: 9000000000\r\n\r\n"
+    head = b"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9000000000\r\n\r\n"
     assert say(server, head).startswith(b"HTTP/1.1 413 ")
 
 
@@ -202,6 +214,127 @@ def test_one_connection_serves_many_files(server: DemoServer) -> None:
         connection.request("GET", address)
         assert connection.getresponse().read() in FILES.values()
     connection.close()
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("127.0.0.1", 200),
+        ("127.0.0.1:8765", 200),
+        ("LOCALHOST:1", 200),
+        ("localhost.", 200),
+        ("[::1]:8765", 200),
+        ("evil.example", 421),
+        ("localhost.evil.example", 421),
+        ("127.0.0.1.evil.example", 421),
+        ("192.168.1.7", 421),  # nobody comes by that address to a server of this machine alone
+        ("user@localhost", 421),
+        ("", 421),
+        ("tunnel.example", 421),
+    ],
+)
+def test_a_page_elsewhere_cannot_pass_for_ours(server: DemoServer, host: str, status: int) -> None:
+    response, body = ask(server, "/", headers={"Host": host})
+    assert response.status == status
+    assert (body == FILES["index.html"]) == (status == 200)
+
+
+def test_a_server_for_others_is_asked_by_its_addresses_and_names(folder: Path) -> None:
+    with serving(DemoServer(Site.installed(folder), "0.0.0.0", 0, ["Tunnel.Example"])) as server:
+        for host in ("192.168.1.7:8765", "tunnel.example", socket.gethostname(), "localhost"):
+            assert ask(server, "/", headers={"Host": host})[0].status == 200
+        assert ask(server, "/", headers={"Host": "evil.example"})[0].status == 421
+
+
+@pytest.mark.parametrize(
+    ("asked", "first", "last"),
+    [("bytes=0-4", 0, 4), ("bytes=5-", 5, 38), ("bytes=-4", 35, 38), ("bytes=30-999", 30, 38)],
+)
+def test_a_part_of_a_file_comes_alone(
+    server: DemoServer, asked: str, first: int, last: int
+) -> None:
+    whole = FILES["index.html"]
+    response, body = ask(server, "/", headers={"Range": asked})
+    assert (response.status, body) == (206, whole[first : last + 1])
+    assert response.headers["Content-Range"] == f"bytes {first}-{last}/{len(whole)}"
+    tag = response.headers["ETag"]
+    assert ask(server, "/", headers={"Range": asked, "If-Range": tag})[0].status == 206
+    assert ask(server, "/", headers={"Range": asked, "If-Range": '"old"'})[1] == whole
+
+
+def test_other_ranges_give_the_whole_or_are_refused(server: DemoServer) -> None:
+    for asked in ("bytes=4-2", "bytes=0-1,3-4", "lines=1-2", "bytes=-", "nonsense"):
+        response, body = ask(server, "/", headers={"Range": asked})
+        assert (response.status, body) == (200, FILES["index.html"])
+    response, _ = ask(server, "/", headers={"Range": "bytes=39-"})
+    assert (response.status, response.headers["Content-Range"]) == (416, "bytes */39")
+
+
+def test_text_comes_compressed_where_that_is_asked_for(folder: Path) -> None:
+    text = b"const light = 1;\n" * 500
+    (folder / "assets/long-3c4d.js").write_bytes(text)
+    with serving(DemoServer(Site.installed(folder))) as server:
+        for accepted in ("gzip, deflate, br", "br;q=1.0, gzip;q=0.5", "*"):
+            response, body = ask(
+                server, "/assets/long-3c4d.js", headers={"Accept-Encoding": accepted}
+            )
+            assert response.headers["Content-Encoding"] == "gzip"
+            assert gzip.decompress(body) == text
+            assert len(body) < len(text) / 10
+            assert response.headers["Vary"] == "Accept-Encoding"
+        for accepted in ("br", "gzip;q=0", ""):
+            response, body = ask(
+                server, "/assets/long-3c4d.js", headers={"Accept-Encoding": accepted}
+            )
+            assert response.headers["Content-Encoding"] is None
+            assert body == text
+        response, _ = ask(server, "/", headers={"Accept-Encoding": "gzip"})
+        assert response.headers["Content-Encoding"] is None  # too short to gain
+
+
+def test_there_is_a_cap_on_connections(server: DemoServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server.connections, "_most", 3)
+    held = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(3)]
+    with pytest.raises((http.client.HTTPException, ConnectionError)):
+        ask(server, "/")
+    for connection in held:
+        connection.close()
+    answered = False
+    for _ in range(100):
+        with contextlib.suppress(http.client.HTTPException, ConnectionError):
+            answered = ask(server, "/")[0].status == 200
+        if answered:
+            return
+        time.sleep(0.05)
+    raise AssertionError("it never took connections again")
+
+
+def test_who_asks_too_slowly_is_cut_off(
+    server: DemoServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deeplight.demo.server.ASKING_S", 0.3)
+    monkeypatch.setattr("deeplight.demo.server.IDLE_S", 0.3)
+    for start in (b"", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"):  # at once, or later
+        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
+            connection.sendall(start)
+            began = time.monotonic()
+            with contextlib.suppress(ConnectionError):
+                while time.monotonic() < began + 8:
+                    connection.sendall(b"G")
+                    time.sleep(0.02)
+            assert time.monotonic() - began < 5
+
+
+def test_it_serves_by_ipv6(folder: Path) -> None:
+    try:
+        server = DemoServer(Site.installed(folder), "::1")
+    except ConfigError:
+        pytest.skip("this machine has no IPv6")
+    with serving(server):
+        assert server.url == f"http://[::1]:{server.port}/"
+        connection = http.client.HTTPConnection("::1", server.port, timeout=10)
+        connection.request("GET", "/")
+        assert connection.getresponse().read() == FILES["index.html"]
 
 
 def test_a_port_in_use_is_told(server: DemoServer, folder: Path) -> None:

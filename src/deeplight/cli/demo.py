@@ -12,7 +12,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-LOOPBACK = ("127.0.0.1", "localhost")
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,9 @@ class Args:
     port: int = 8765
     """Port to serve at; 0 takes any free one."""
     host: str = "127.0.0.1"
-    """Address to serve at; 0.0.0.0 lets the whole network in."""
+    """Address to serve at; 0.0.0.0 lets the whole network in, :: by IPv6 too."""
+    name: tuple[str, ...] = ()
+    """Names that the page may be asked by, besides this machine's: a tunnel's, a proxy's."""
     open: bool = True
     """Open the browser, when started from a terminal."""
     export: Path | None = None
@@ -39,7 +41,7 @@ def run(args: Args) -> None:
         count = site.copied(args.export)
         sys.stdout.write(f"{count} files in {args.export}: put them on any https host\n")
         return
-    with DemoServer(site, args.host, args.port) as server:
+    with DemoServer(site, args.host, args.port, args.name) as server:
         sys.stdout.write(f"DeepLight is at {server.url} (Ctrl-C stops it)\n")
         if args.host not in LOOPBACK:
             sys.stdout.write("from other machines: photos only, no camera (that needs https)\n")

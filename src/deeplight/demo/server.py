@@ -1,19 +1,32 @@
 """A server for the built page: its files and nothing else, read-only."""
 
 import errno
+import io
+import ipaddress
 import shutil
+import socket
+from collections.abc import Iterable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from urllib.parse import unquote, urlsplit
 
+from deeplight.demo.asked import byte_range, gzipped, is_ours, takes_gzip
+from deeplight.demo.connections import Connections
 from deeplight.demo.site import HASHED, Site, content_policy, content_type, tag_of
 from deeplight.errors import ConfigError
 
 IDLE_S = 30
 """A connection that says nothing for so long is closed."""
 
+ASKING_S = 10
+"""A request's head must be here by then."""
+
+ANSWER_S = 600
+"""And its answer there: the network, over a slow line."""
+
+MOST_CONNECTIONS = 64
 LONGEST_ADDRESS = 1024
 METHODS = ("GET", "HEAD")
 
@@ -30,6 +43,7 @@ class DemoServer(ThreadingHTTPServer):
         site: the files.
         host: address to listen at.
         port: 0 takes any free one; `port` tells which.
+        names: further host names that it may be asked by, such as a tunnel's.
 
     Raises:
         ConfigError: the port is taken or not allowed, or there is no such address here.
@@ -38,13 +52,24 @@ class DemoServer(ThreadingHTTPServer):
     daemon_threads = True
     # On Linux this allows a quick restart; on Windows it would let two servers share a port.
     allow_reuse_address = True
+    request_queue_size = 128
 
-    def __init__(self, site: Site, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(
+        self, site: Site, host: str = "127.0.0.1", port: int = 0, names: Iterable[str] = ()
+    ) -> None:
         self.site = site
+        self.connections = Connections(MOST_CONNECTIONS)
+        self.names = frozenset(name.lower() for name in (host, "localhost", *names))
+        if ":" in host:
+            self.address_family = socket.AF_INET6
         self.tags = {name: tag_of(path) for name, path in site.files.items()}
         self.policy = content_policy()
         try:
             super().__init__((host, port), _Handler)
+            address = ipaddress.ip_address(str(self.server_address[0]).partition("%")[0])
+            self.reachable = not address.is_loopback
+            if self.reachable:
+                self.names |= {self.server_name.lower(), f"{self.server_name.lower()}.local"}
         except (OSError, OverflowError) as error:
             raise _cannot_listen(host, port, error) from error
 
@@ -57,13 +82,32 @@ class DemoServer(ThreadingHTTPServer):
     def url(self) -> str:
         """The address to open on this machine."""
         host = str(self.server_address[0])
-        return f"http://{'127.0.0.1' if host == '0.0.0.0' else host}:{self.port}/"
+        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/"
 
     def server_bind(self) -> None:
-        # The standard one also looks up this machine's name, which can take seconds.
+        # The standard one also looks up this machine's full name, which can take seconds.
+        if self.address_family == socket.AF_INET6:  # :: lets both kinds in
+            self.socket.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
         self.socket.bind(self.server_address)
         self.server_address = self.socket.getsockname()
-        self.server_name, self.server_port = str(self.server_address[0]), self.port
+        self.server_name, self.server_port = socket.gethostname(), self.port
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread of its own, or close it: there are too many."""
+        if self.connections.open(request, ASKING_S):
+            super().process_request(request, client_address)
+        else:
+            super().shutdown_request(request)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        self.connections.close(request)
+        super().shutdown_request(request)
+
+    def service_actions(self) -> None:
+        """Do what is due between two connections, or twice a second."""
+        self.connections.end_late_ones()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing: a browser that went away in the middle is no news."""
@@ -74,6 +118,19 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "DeepLight", ""
     protocol_version = "HTTP/1.1"
     timeout = IDLE_S
+
+    def handle_one_request(self) -> None:
+        """Answer a request; the next one on the connection gets its time from here."""
+        super().handle_one_request()
+        self.server.connections.extend(self.connection, IDLE_S)
+
+    def parse_request(self) -> bool:
+        """Read a request's head."""
+        # Its first line is here: whoever kept the connection idle gets no longer than others.
+        self.server.connections.extend(self.connection, ASKING_S)
+        whole = super().parse_request()
+        self.server.connections.extend(self.connection, ANSWER_S)
+        return whole
 
     def do_GET(self) -> None:
         self._answer(with_body=True)
@@ -99,6 +156,9 @@ class _Handler(BaseHTTPRequestHandler):
         super().end_headers()
 
     def _answer(self, with_body: bool) -> None:
+        if not is_ours(self.headers.get("Host"), self.server.names, self.server.reachable):
+            self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
+            return
         if len(self.path) > LONGEST_ADDRESS:
             self._refuse(HTTPStatus.REQUEST_URI_TOO_LONG)
             return
@@ -110,44 +170,67 @@ class _Handler(BaseHTTPRequestHandler):
         if path is None:
             self._refuse(HTTPStatus.NOT_FOUND)
         elif self.server.tags[name] in self.headers.get("If-None-Match", ""):
-            self._send_head(name, HTTPStatus.NOT_MODIFIED, None)
+            self._send_head(name, HTTPStatus.NOT_MODIFIED, {})
         else:
             self._send_file(name, path, with_body)
 
     def _send_file(self, name: str, path: Path, with_body: bool) -> None:
+        wanted = self.headers.get("Range")
+        if self.headers.get("If-Range", self.server.tags[name]) != self.server.tags[name]:
+            wanted = None  # a part of another version
+        small = None
         try:
-            file = path.open("rb")
+            if wanted is None and takes_gzip(self.headers.get("Accept-Encoding", "")):
+                small = gzipped(path, self.server.tags[name])
+            file: IO[bytes] = path.open("rb") if small is None else io.BytesIO(small)
         except OSError:  # built anew, or taken away, while we serve
             self._refuse(HTTPStatus.NOT_FOUND)
             return
         with file:
-            length = file.seek(0, 2)
-            file.seek(0)
-            self._send_head(name, HTTPStatus.OK, length)
+            size = file.seek(0, 2)
+            try:
+                part = None if wanted is None else byte_range(wanted, size)
+            except ValueError:
+                self._refuse(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, size)
+                return
+            first, last = part or (0, size - 1)
+            fields = {"Content-Length": str(last + 1 - first), "Accept-Ranges": "bytes"}
+            if small is not None:
+                fields["Content-Encoding"] = "gzip"
+            if part is not None:
+                fields["Content-Range"] = f"bytes {first}-{last}/{size}"
+            status = HTTPStatus.OK if part is None else HTTPStatus.PARTIAL_CONTENT
+            self._send_head(name, status, {"Content-Type": content_type(name), **fields})
             if with_body:
-                shutil.copyfileobj(file, self.wfile)
+                file.seek(first)
+                if part is None:
+                    shutil.copyfileobj(file, self.wfile)
+                else:
+                    self.wfile.write(file.read(last + 1 - first))
 
-    def _send_head(self, name: str, status: HTTPStatus, length: int | None) -> None:
+    def _send_head(self, name: str, status: HTTPStatus, fields: Mapping[str, str]) -> None:
         self.send_response(status)
         for_ever = name.startswith(HASHED)
         self.send_header(
             "Cache-Control", "public, max-age=31536000, immutable" if for_ever else "no-cache"
         )
         self.send_header("ETag", self.server.tags[name])
-        if length is not None:
-            self.send_header("Content-Type", content_type(name))
-            self.send_header("Content-Length", str(length))
+        self.send_header("Vary", "Accept-Encoding")
+        for field, value in fields.items():
+            self.send_header(field, value)
         self.end_headers()
 
     def _refuse_method(self) -> None:
         self._refuse(HTTPStatus.METHOD_NOT_ALLOWED)
 
-    def _refuse(self, status: HTTPStatus) -> None:
+    def _refuse(self, status: HTTPStatus, size: int | None = None) -> None:
         text = f"{status.value} {status.phrase}\n".encode()
         self.close_connection = True
         self.send_response(status)
         if status == HTTPStatus.METHOD_NOT_ALLOWED:
             self.send_header("Allow", ", ".join(METHODS))
+        if size is not None:
+            self.send_header("Content-Range", f"bytes */{size}")
         self.send_header("Content-Type", "text/plain; charset=utf-8")
         self.send_header("Content-Length", str(len(text)))
         self.send_header("Connection", "close")
