@@ -45,13 +45,14 @@ GPU = replace(
     run=replace(SMALL.run, precision="bf16-mixed"),
 )
 
-# Our own network beside the paper's: lamps, and brightness and colour that follow the photo's.
-# docs/results.md has the measurements.
+# Our own network beside the paper's: lamps, and brightness that follows the photo's. A third of
+# the steps of `small`, since it is better than that after a sixth.
 LAMPS = replace(
     SMALL,
-    network=replace(SMALL.network, lamps=3, brightness=0.9, colour=True),
-    loss=replace(SMALL.loss, mirror=0.3, matte_silver=0.3, diffuse=0.4),
-    augment=replace(SMALL.augment, white_balance=0.1),
+    network=replace(SMALL.network, lamps=3, brightness=0.9),
+    optimiser=replace(SMALL.optimiser, ema_decay=0.99),
+    schedule=replace(SMALL.schedule, steps=340, warmup_steps=30),
+    run=replace(SMALL.run, validate_every=20, checkpoint_every=20),
 )
 
 
