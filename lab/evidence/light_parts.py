@@ -20,8 +20,8 @@ from deeplight.dataset import DataSet, open_dataset
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.open import open_model
 from deeplight.evaluate.light_metrics import brightest, mean_radiance
-from deeplight.evaluate.run import TRUE_LIGHTING, evaluate
-from deeplight.evaluate.scores import Report
+from deeplight.evaluate.run import evaluate
+from deeplight.evaluate.scores import TRUE_LIGHTING, Report
 from deeplight.harmonics import dominant_light
 from deeplight.lighting import Lighting
 from deeplight.mappings import mirror_ball
