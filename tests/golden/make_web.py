@@ -22,8 +22,7 @@ from deeplight.estimators.network import WHOLE_VIEW
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.results import write_results
 from deeplight.frames import turned, world_from_camera
-from deeplight.io import lighting_file
-from deeplight.io import photos as image
+from deeplight.io import lighting_file, photo_decoders
 from deeplight.lighting import LIGHTING_SIZE, Lighting
 from deeplight.mappings import mirror_ball
 from deeplight.relight import relight_rig
@@ -64,7 +63,7 @@ def constants() -> dict[str, Any]:
         "CROP_SIZE": CROP_SIZE,
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,
         "WHOLE_VIEW": WHOLE_VIEW,
-        "MID_GREY": image.MID_GREY,
+        "MID_GREY": photo_decoders.MID_GREY,
         "GAMMA": camera_response.GAMMA,
         "SOFT_CLIP_N": camera_response.SOFT_CLIP_N,
         "LUMINANCE": camera_response.LUMINANCE.tolist(),

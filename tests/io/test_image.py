@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from deeplight.errors import ImageFileError, MissingExtraError
+from deeplight.io.photo_decoders import MID_GREY
 from deeplight.io.photos import (
-    MID_GREY,
     decode_rgb,
     encode_jpeg,
     encode_png,

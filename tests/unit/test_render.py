@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, TiffImagePlugin
 
 from deeplight.camera import PinholeCamera
 from deeplight.compose import mitsuba_variant as engine
@@ -261,6 +261,42 @@ def test_an_iphones_tilt_is_read(
     tilt = tilt_of(iphone_photo(up, orientation, tmp_path / "photo.jpg"))
     assert tilt is not None
     assert (tilt.pitch_rad, tilt.roll_rad) == pytest.approx((pitch, roll), abs=1e-3)
+
+
+def elevated(path: Path, value: object) -> Path:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0x9405] = value
+    Image.new("RGB", (64, 48)).save(path, exif=exif)
+    return path
+
+
+def test_the_cameras_elevation_is_read_where_it_is_known(tmp_path: Path) -> None:
+    known = tilt_of(elevated(tmp_path / "a.jpg", TiffImagePlugin.IFDRational(-25, 2)))
+    assert known is not None
+    assert known.pitch_rad == pytest.approx(np.radians(-12.5))
+    content = (tmp_path / "a.jpg").read_bytes()
+    told = struct.pack(">2i", -25, 2)
+    assert content.count(told) == 1
+    (tmp_path / "a.jpg").write_bytes(content.replace(told, struct.pack(">2I", 0, 0xFFFFFFFF)))
+    assert tilt_of(tmp_path / "a.jpg") is None
+    assert tilt_of(elevated(tmp_path / "b.jpg", "n/a")) is None
+
+
+def test_an_iphones_heic_is_read_with_the_cameras_own_orientation(tmp_path: Path) -> None:
+    heif = pytest.importorskip("pillow_heif")
+    up = world_from_camera(1.0, -0.3, 0.1).T @ UP
+    iphone_photo(up, 6, tmp_path / "photo.jpg")
+    with Image.open(tmp_path / "photo.jpg") as picture:
+        exif = picture.getexif().tobytes()
+        heif.from_pillow(picture).save(tmp_path / "photo.heic", exif=exif)
+    tilt = tilt_of(tmp_path / "photo.heic")
+    assert tilt is not None
+    assert (tilt.pitch_rad, tilt.roll_rad) == pytest.approx((-0.3, 0.1), abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["text", "unknown"])
+def test_elevations_of_other_programs_are_unknown(name: str, cases: Path) -> None:
+    assert tilt_of(cases / f"sound/exif_elevation_{name}.jpg") is None
 
 
 def test_no_tilt_is_invented(tmp_path: Path) -> None:

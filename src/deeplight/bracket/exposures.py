@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float32
-from PIL import Image, UnidentifiedImageError
 
 from deeplight.errors import ConfigError, ImageFileError
-from deeplight.io.exif import Exif
+from deeplight.io.exif import CAMERA, Exif, entries_of, number
 from deeplight.io.image_file import opened
+from deeplight.io.photo_decoders import MAX_PHOTO_PIXELS, exif_entries
 from deeplight.io.photograph import read_photograph
-from deeplight.io.photos import MAX_PHOTO_PIXELS
 from deeplight.io.radiance import is_floating_point
 
-_EXIF = 0x8769
 _SECONDS = (0x829A, "ExposureTime", "Exif:ExposureTime")
 _STOP = (0x829D, "FNumber", "Exif:FNumber")
 _SENSITIVITY = (0x8827, "Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
@@ -84,12 +82,10 @@ def exposure_amount(path: Path) -> float:
 
 def _number(path: Path, tag: int, *names: str) -> float:
     """An EXIF entry by its tag, or by the name it has in an EXR; 0 where there is none."""
-    try:
-        with Image.open(path) as picture:
-            value = picture.getexif().get_ifd(_EXIF).get(tag, 0)
-            return float(value[0] if isinstance(value, tuple) else value)
-    except (UnidentifiedImageError, ValueError, TypeError, ZeroDivisionError, SyntaxError):
-        pass
+    value = entries_of(exif_entries(path), CAMERA).get(tag)
+    found = number(value[0] if isinstance(value, tuple) and value else value)
+    if found is not None:
+        return found
     with opened(path, MAX_PHOTO_PIXELS) as file:
         spec = file.spec()
         return max(spec.get_float_attribute(name) for name in names)

@@ -1,5 +1,6 @@
 """The one place where what decoders raise becomes one line about one file."""
 
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -45,11 +46,15 @@ def reading(path: Path | str, error: type[InputError] = ImageFileError) -> Itera
 
 
 def reads(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
-    """Put `reading` around a function whose first argument is the file's path."""
+    """Put `reading` around a function whose first argument is the file's path.
+
+    Libraries' warnings about the file are left out: what counts becomes an error or a note.
+    """
 
     @wraps(function)
     def bounded(*args: _Arguments.args, **options: _Arguments.kwargs) -> _Result:
-        with reading(str(args[0] if args else options["path"])):
+        path = str(args[0] if args else options["path"])
+        with reading(path), warnings.catch_warnings(action="ignore"):
             return function(*args, **options)
 
     return bounded

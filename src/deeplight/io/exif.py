@@ -1,15 +1,22 @@
 """What a photo's EXIF data says about its camera: orientation and field of view."""
 
 import math
+import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Shaped
+from PIL import Image
 
 DIAGONAL_35MM_MM = math.hypot(36, 24)
 """Diagonal of 35 mm film, 43.27 mm: what "35 mm equivalent" compares (CIPA DCG-001)."""
 
 PLAUSIBLE_FOV_RAD = (math.radians(3), math.radians(150))
+CAMERA, INTEROPERABILITY = 0x8769, 0xA005
+"""Pillow's numbers of EXIF's directories."""
+
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit
 
 
@@ -24,6 +31,7 @@ class Exif:
         focal_plane_x_resolution: sensor pixels per unit along the stored rows.
         focal_plane_unit: 2 inch, 3 cm, 4 mm, 5 um.
         original_width: PixelXDimension, the stored width when the resolution was written.
+        is_adobe_rgb: the camera was set to Adobe RGB (DCF's optional colour space, "R03").
     """
 
     orientation: int = 1
@@ -32,6 +40,7 @@ class Exif:
     focal_plane_x_resolution: float = 0.0
     focal_plane_unit: int = 2
     original_width: int = 0
+    is_adobe_rgb: bool = False
 
     def focal_length_px(self, stored_width: int, stored_height: int) -> float | None:
         """Give the focal length in pixels of the stored picture, None where EXIF does not tell.
@@ -56,6 +65,59 @@ class Exif:
         upright_height = stored_width if self.orientation in (5, 6, 7, 8) else stored_height
         fov = 2 * math.atan(upright_height / 2 / focal)
         return fov if PLAUSIBLE_FOV_RAD[0] <= fov <= PLAUSIBLE_FOV_RAD[1] else None
+
+
+def number(value: Any) -> float | None:
+    """The one finite number of an EXIF entry of any type; None if it is none, several or unknown.
+
+    Writers put texts ("n/a"), empty fractions and lists where the standard has a number; a fraction
+    of FFFFFFFF parts is its word for unknown (CIPA DC-008).
+    """
+    if isinstance(value, tuple | list) and len(value) == 1:
+        (value,) = value
+    if isinstance(value, bytes):
+        value = value.rstrip(b"\0 ").decode("latin-1")
+    if getattr(value, "denominator", 1) in (0xFFFFFFFF, -1):
+        return None
+    try:
+        found = float(value)
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    return found if math.isfinite(found) else None
+
+
+def entries_of(tags: Image.Exif, directory: int) -> dict[int, Any]:
+    """The entries of one directory; none if it cannot be read."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return dict(tags.get_ifd(directory))
+    except Exception:  # Pillow's parsers have no common error
+        return {}
+
+
+def exif_of_pillow(load: Callable[[], Image.Exif]) -> Exif:
+    """Read the entries through Pillow; EXIF that it cannot read is no EXIF.
+
+    Args:
+        load: gives Pillow's EXIF; called here, where its failures are expected.
+    """
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            tags = load()
+            orientation = number(tags.get(0x0112))
+    except Exception:  # as above; a photo is worth more than its EXIF
+        return Exif()
+    camera = entries_of(tags, CAMERA)
+    interoperability = str(entries_of(tags, INTEROPERABILITY).get(1, ""))
+    return Exif(
+        orientation=int(orientation or 1),
+        focal_length_35mm_mm=number(camera.get(0xA405)) or 0.0,
+        focal_length_mm=number(camera.get(0x920A)) or 0.0,
+        focal_plane_x_resolution=number(camera.get(0xA20E)) or 0.0,
+        focal_plane_unit=int(number(camera.get(0xA210)) or 2),
+        original_width=int(number(camera.get(0xA002)) or 0),
+        is_adobe_rgb=interoperability.startswith("R03"),
+    )
 
 
 def upright(

@@ -10,7 +10,7 @@ from deeplight.camera_response import decode
 from deeplight.errors import ImageFileError
 from deeplight.io.exif import upright
 from deeplight.io.image_file import first_bytes, opened, write_image
-from deeplight.io.photos import MAX_PHOTO_PIXELS, check_with_pillow
+from deeplight.io.photo_decoders import MAX_PHOTO_PIXELS, check_with_pillow
 from deeplight.io.radiance import is_floating_point, read_radiance
 
 PHOTOGRAPH_SUFFIXES = frozenset(".bmp .exr .hdr .jpeg .jpg .png .tif .tiff .webp".split())

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from math import asin, atan2, hypot, isfinite, radians
 from pathlib import Path
 
-from PIL import Image
+from deeplight.io.exif import CAMERA, entries_of, number
+from deeplight.io.photo_decoders import exif_entries
 
-_EXIF, _MAKER_NOTE, _ELEVATION = 0x8769, 0x927C, 0x9405
+_MAKER_NOTE, _ELEVATION = 0x927C, 0x9405
 _APPLE = b"Apple iOS\0"
 _APPLE_IFD, _ACCELERATION, _SIGNED_RATIONAL = 14, 8, 10
 
@@ -24,24 +25,20 @@ class Tilt:
 def tilt_of(path: Path | str | None) -> Tilt | None:
     """Read the tilt from EXIF: an iPhone's acceleration, else CameraElevationAngle.
 
-    None where the file has neither, cannot be read by Pillow, or tells nonsense.
+    None where the file has neither, or says that it is unknown, or nonsense.
     """
     if path is None:
         return None
-    try:
-        with Image.open(path) as picture:
-            tags = picture.getexif()
-            camera = tags.get_ifd(_EXIF)
-            orientation = int(tags.get(0x0112, 1))
-        note, elevation = camera.get(_MAKER_NOTE), camera.get(_ELEVATION)
-    except (OSError, ValueError, SyntaxError, struct.error):
-        return None
+    tags = exif_entries(Path(path))
+    camera = entries_of(tags, CAMERA)
+    note, elevation = camera.get(_MAKER_NOTE), number(camera.get(_ELEVATION))
     if isinstance(note, bytes) and note.startswith(_APPLE):
+        orientation = int(number(tags.get(0x0112)) or 1)
         found = _from_acceleration(_apple_acceleration(note), orientation)
         if found:
             return found
-    if elevation is not None and abs(float(elevation)) < 89:
-        return Tilt(radians(float(elevation)), 0.0, "EXIF camera elevation")
+    if elevation is not None and abs(elevation) < 89:
+        return Tilt(radians(elevation), 0.0, "EXIF camera elevation")
     return None
 
 

@@ -10,9 +10,10 @@ from math import log2
 from pathlib import Path
 from typing import Any, Literal
 
-from PIL import Image
+from deeplight.io.exif import CAMERA, entries_of
+from deeplight.io.photo_decoders import exif_entries
 
-_GPS, _EXIF = 0x8825, 0x8769
+_GPS = 0x8825
 _LATITUDE, _LONGITUDE, _ALTITUDE_M, _TIME, _HEADING, _DATE = 2, 4, 6, 7, 17, 29
 _TAKEN, _OFFSET = 0x9003, 0x9011  # DateTimeOriginal, OffsetTimeOriginal
 _EXPOSURE_S, _APERTURE, _ISO = 0x829A, 0x829D, 0x8827
@@ -47,9 +48,8 @@ def whereabouts_of(path: Path | str | None) -> Whereabouts | None:
     if path is None:
         return None
     try:
-        with Image.open(path) as picture:
-            tags = picture.getexif()
-            gps, camera = tags.get_ifd(_GPS), tags.get_ifd(_EXIF)
+        tags = exif_entries(Path(path))
+        gps, camera = entries_of(tags, _GPS), entries_of(tags, CAMERA)
         latitude = _angle(gps[_LATITUDE], gps.get(_LATITUDE - 1, "N"), "S")
         longitude = _angle(gps[_LONGITUDE], gps.get(_LONGITUDE - 1, "E"), "W")
         heading = float(gps[_HEADING])
