@@ -1,6 +1,6 @@
 """Anything that holds a photo as a `Photo`: the same picture gives the same pixels, whatever it is.
 
-Files, bytes and Pillow's images go through `read_photo`, so that orientation, field of view,
+Files, bytes and Pillow's images go through `io.photos`, so that orientation, field of view,
 transparency and colour are decided in one place.
 """
 
@@ -14,7 +14,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from deeplight.errors import ImageFileError, InputError, ShapeError
-from deeplight.io.photos import MIN_SIDE, Photo, read_photo
+from deeplight.io.photos import MIN_SIDE, Photo, photo_of_pillow, read_photo
 
 PhotoLike = Photo | Path | str | bytes | BinaryIO | np.ndarray | Image.Image
 """A photo: read already; a file's path, its bytes or an open file; Pillow's image; pixels, (height,
@@ -34,7 +34,7 @@ def as_photo(photo: Any) -> Photo:
     if isinstance(photo, str | Path):
         return read_photo(photo)
     if isinstance(photo, Image.Image):
-        return _of_pillow(photo)
+        return photo_of_pillow(photo)
     if isinstance(photo, bytes | bytearray | memoryview):
         return _of_bytes(bytes(photo))
     if isinstance(photo, RawIOBase | BufferedIOBase) or hasattr(photo, "read"):
@@ -47,7 +47,7 @@ def as_photo(photo: Any) -> Photo:
     if isinstance(photo, np.ndarray):
         pixels = _checked(photo)
         # Transparency is laid over what files are laid over.
-        return Photo(pixels) if pixels.shape[2] == 3 else _of_pillow(Image.fromarray(pixels))
+        return Photo(pixels) if pixels.shape[2] == 3 else photo_of_pillow(Image.fromarray(pixels))
     raise _unusable("a path, bytes, an open file, a Pillow image or pixels", _kind(photo))
 
 
@@ -57,24 +57,6 @@ def _of_bytes(content: bytes) -> Photo:
         path = Path(folder) / "photo"
         path.write_bytes(content)
         return _nameless(path, read_photo)
-
-
-def _of_pillow(picture: Image.Image) -> Photo:
-    """Read what Pillow holds, with its EXIF data and colour profile, from a lossless file."""
-    with TemporaryDirectory(prefix="deeplight-") as folder:
-        path = Path(folder) / "photo.tif"
-        try:
-            # Lazily read files fail here; TIFF holds every mode that a photo can have.
-            profile = picture.info.get("icc_profile")
-            convertible = picture if picture.mode in _TIFF_MODES else picture.convert("RGBA")
-            convertible.save(path, "TIFF", exif=picture.getexif(), icc_profile=profile)
-        except (OSError, SyntaxError, ValueError) as error:
-            got = f"a Pillow image that fails: {error}"
-            raise ImageFileError("a complete image", got, "check the file it came from") from error
-        return _nameless(path, read_photo)
-
-
-_TIFF_MODES = frozenset("L LA RGB RGBA CMYK I;16 F".split())
 
 
 def _nameless(path: Path, read: Any) -> Photo:
