@@ -137,7 +137,8 @@ def test_no_hard_edge_anywhere(estimate, fov_deg, level):
 
 def test_far_from_the_photo_the_map_is_the_estimates(estimate):
     plain = smooth_map(estimate.radiance, HEIGHT)
-    changed = adapted(plain, photo(), plane_of(photo()))
+    pixels = photo().astype(np.float32) / np.float32(255)
+    changed = adapted(plain, pixels, plane_of(photo()))
     behind = latlong.directions(HEIGHT, 2 * HEIGHT)[..., 2] > 0
     np.testing.assert_array_equal(changed[behind], plain[behind])
     assert not np.allclose(changed, plain, rtol=0.05)

@@ -11,7 +11,7 @@ from deeplight.errors import ConfigError
 from deeplight.estimators.lamps import find_lamps
 from deeplight.estimators.network import Estimate
 from deeplight.estimators.projection import ImagePlane, project_photo
-from deeplight.estimators.surroundings import adapted, smooth_map
+from deeplight.estimators.surroundings import MAP_ROWS, adapted, enlarged, smooth_map
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
 
@@ -86,7 +86,10 @@ def assemble(
     """
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo)
-    around = adapted(smooth_map(found.rest.radiance, height), pixels, plane)
-    shown = photo.radiance + photo.clipped * np.maximum(around - photo.radiance, 0) + found.areas
-    rest = around + (shown - around) * photo.seen[..., None]
+    around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
+    rest = enlarged(adapted(around, photo.pixels, plane), height)
+    box = photo.box
+    known, around = photo.radiance[box], rest[box]
+    known = known + photo.clipped[box] * np.maximum(around - known, 0) + found.areas[box]
+    rest[box] += (known - around) * photo.seen[box][..., None]
     return SceneLight(rest, found.lamps, photo.seen)

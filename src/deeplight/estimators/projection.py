@@ -16,8 +16,8 @@ MOST_SHOWN = 1.05
 """Radiance that a clipped pixel is taken for before more is known: just over white."""
 FEATHER = 0.03
 """Width of the photo's soft edge, as part of half its shorter side; at least 1.5 texels."""
-_PIXELS_PER_TEXEL = 3  # along a side: a finer photo is averaged first, still gamma-encoded
-_SAMPLES = 3  # along a side of a texel
+_PIXELS_PER_TEXEL = 2  # along a side: a finer photo is averaged first, still gamma-encoded
+_SAMPLES = 2  # along a side of a texel
 _RESPONSE = CameraResponse()
 
 
@@ -54,11 +54,21 @@ class ProjectedPhoto:
         radiance: relative to the camera's white; clipped pixels have at most `MOST_SHOWN`.
         seen: 1 where the photo shows the texel, falling to 0 at the photo's edge and outside.
         clipped: part of the texel, 0 to 1, where each channel may be clipped.
+        pixels: the photo as it was looked up, averaged if it is much finer; [0, 1].
     """
 
     radiance: Float32[np.ndarray, "height width 3"]
     seen: Float32[np.ndarray, "height width"]
     clipped: Float32[np.ndarray, "height width 3"]
+    pixels: Float32[np.ndarray, "rows columns 3"]
+
+    @property
+    def box(self) -> tuple[slice, slice]:
+        """The rows and columns that the photo shows anything of."""
+        rows, columns = np.flatnonzero(self.seen.any(1)), np.flatnonzero(self.seen.any(0))
+        if not len(rows):
+            return slice(0), slice(0)
+        return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def project_photo(
@@ -87,13 +97,13 @@ def project_photo(
     result = np.zeros((height, 2 * height, 7), np.float32)
     result[rows, columns, :6] = means
     result[rows, columns, 6] = soft.mean(1)
-    return ProjectedPhoto(result[..., :3], result[..., 6], result[..., 3:6])
+    return ProjectedPhoto(result[..., :3], result[..., 6], result[..., 3:6], encoded)
 
 
 def _reduced(
     pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane, height: int
 ) -> Float32[np.ndarray, "new_rows new_columns 3"]:
-    """The photo in [0, 1], averaged to some three pixels along a texel if it is much finer."""
+    """The photo in [0, 1], averaged to some two pixels along a texel if it is much finer."""
     focal = pixels.shape[0] / (plane.top - plane.bottom)
     factor = focal * np.pi / height / _PIXELS_PER_TEXEL
     if factor < 1.5:

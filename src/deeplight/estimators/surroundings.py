@@ -8,7 +8,7 @@ shows at its edge, fading with the angle, so that no seam remains.
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32
 
 from deeplight.camera_response import CameraResponse
 from deeplight.estimators.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
@@ -25,7 +25,8 @@ _STAR_BLUR_RAD = float(np.radians(16))
 _STAR_FROM_RAD, _STAR_TO_RAD = np.radians(100), np.radians(150)
 """From straight behind: the width grows between these angles."""
 _RING_CELLS = 24  # along the photo's shorter side: the outermost are its edge
-_EDGE_ROWS = 128  # at which the change along the photo is made
+MAP_ROWS = 128
+"""Rows at which the map is fitted to the photo; finer ones lie between these."""
 REACH_RAD = float(np.radians(40))
 """So far from the photo's edge the map is adapted to it."""
 _MOST_ADAPTED = np.log(200.0)
@@ -41,9 +42,7 @@ def smooth_map(
     """
     small = _spreading(len(ball)) @ ball.reshape(-1, 3).astype(np.float32)
     small = small.reshape(_ROWS, 2 * _ROWS, 3)
-    weights = latlong.solid_angles(_ROWS, 2 * _ROWS).astype(np.float32)
-    power = np.einsum("ij,ijc->c", weights, small)
-    return kept_power(enlarged(small, height), power)
+    return kept_power(enlarged(small, height), power_of(small))
 
 
 def enlarged(
@@ -67,18 +66,23 @@ def enlarged(
     return result
 
 
+def power_of(radiance: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "3"]:
+    """Radiance of a panorama summed over all directions."""
+    weights = latlong.solid_angles(*radiance.shape[:2])[:, 0].astype(np.float32)
+    return weights @ radiance.sum(axis=1)
+
+
 def kept_power(
     radiance: Float32[np.ndarray, "height width 3"], power: Float32[np.ndarray, "3"]
 ) -> Float32[np.ndarray, "height width 3"]:
     """The panorama times what brings each channel's sum over the sphere to `power`."""
-    weights = latlong.solid_angles(*radiance.shape[:2]).astype(np.float32)
-    has = np.einsum("ij,ijc->c", weights, radiance)
-    return radiance * (power / np.maximum(has, 1e-30)).astype(np.float32)
+    factor = power / np.maximum(power_of(radiance), 1e-30)
+    return radiance * factor.astype(np.float32)
 
 
 def adapted(
     surroundings: Float32[np.ndarray, "height width 3"],
-    pixels: UInt8[np.ndarray, "rows columns 3"],
+    pixels: Float32[np.ndarray, "rows columns 3"],
     plane: ImagePlane,
 ) -> Float32[np.ndarray, "height width 3"]:
     """The map brought to what the photo shows at its edge, less and less away from it.
@@ -87,11 +91,10 @@ def adapted(
     with the angle (Shepard 1968), so that near the edge it is the edge's own.
     """
     directions, radiance, clipped = _edge(pixels, plane)
-    small = resample.shrink_latlong(surroundings, min(_EDGE_ROWS, len(surroundings)))
-    here = np.maximum(resample.sample_latlong(small, directions), _DARKEST)
+    here = np.maximum(resample.sample_latlong(surroundings, directions), _DARKEST)
     ratio = np.log(np.maximum(radiance, _DARKEST) / here).clip(-_MOST_ADAPTED, _MOST_ADAPTED)
     ratio = np.where(clipped, np.maximum(ratio, 0), ratio)  # there the photo only says "at least"
-    rows, columns, _ = small.shape
+    rows, columns, _ = surroundings.shape
     texels = latlong.directions(rows, columns).reshape(-1, 3)
     middle = normalised(directions.mean(0))
     farthest = np.arccos((directions @ middle).min().clip(-1, 1)) + REACH_RAD
@@ -106,14 +109,12 @@ def adapted(
     factor = np.ones((rows * columns, 3), np.float32)
     # Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
     factor[near] = np.where(mean < 0, 1 - fade * (1 - np.exp(mean)), np.exp(fade * mean))
-    result: np.ndarray = surroundings * enlarged(
-        factor.reshape(rows, columns, 3), len(surroundings)
-    )
+    result: np.ndarray = surroundings * factor.reshape(rows, columns, 3)
     return result
 
 
 def _edge(
-    pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane
+    pixels: Float32[np.ndarray, "rows columns 3"], plane: ImagePlane
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Directions, linear radiance and whether it is clipped, of cells along the photo's edge."""
     height, width, _ = pixels.shape
