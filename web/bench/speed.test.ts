@@ -3,6 +3,7 @@
  * npm run bench. Processor time, so that other work on the machine counts less.
  */
 import { readFileSync } from "node:fs";
+import * as ort from "onnxruntime-web/wasm";
 import { beforeAll, test } from "vitest";
 import { CONTRACT } from "../packages/deeplight/src/contract/generated.ts";
 import { CellMeans } from "../packages/deeplight/src/estimate/cell-means.ts";
@@ -23,6 +24,11 @@ test("the network", async () => {
   const network = await Network.open(new Uint8Array(readFileSync(model)));
   const planes = new Float32Array(3 * CONTRACT.height * CONTRACT.width);
   await told("one run of the network", 100, () => network.logRadiance(planes));
+  ort.env.wasm.numThreads = 1;
+  const session = await ort.InferenceSession.create(new Uint8Array(readFileSync(model)));
+  const shape = [1, 3, CONTRACT.height, CONTRACT.width];
+  const feeds = { [CONTRACT.input_name]: new ort.Tensor("float32", planes, shape) };
+  await told("the same by onnxruntime-web", 100, () => session.run(feeds));
 });
 
 test.each([

@@ -3,7 +3,7 @@ import { CONDON_SHORTLEY } from "./contract/generated.ts";
 import { Lighting } from "./light/lighting.ts";
 import type { MainLight } from "./light/main-light.ts";
 import type { Matrix3x3, Vector3 } from "./light/matrix.ts";
-import { hdrFile } from "./save/hdr-file.ts";
+import { hdrFile, rolled } from "./save/hdr-file.ts";
 import { type About, jsonFile } from "./save/json-file.ts";
 
 /** Radiance coefficients up to order 2, RGB interleaved, in both signs that are in use. */
@@ -33,20 +33,15 @@ export class Light {
     return inBothSigns(this.lighting.harmonics(2));
   }
 
-  /** What is left for harmonics where the main light is drawn by itself, as in WebXR. */
-  get harmonicsWithoutMainLight(): Harmonics {
-    return inBothSigns(this.remainder.harmonics(2));
-  }
-
   /** The one light that stands out of its surroundings, and how much of the power it holds. */
   get mainLight(): MainLight {
     this.#main ??= this.lighting.mainLight();
     return this.#main;
   }
 
-  /** The light without its main light. */
-  get remainder(): Lighting {
-    return Lighting.fromRadiance(this.mainLight.remainder);
+  /** The light without its main light, for renderers that draw that one by itself. */
+  get withoutMainLight(): Light {
+    return new Light(Lighting.fromRadiance(this.mainLight.remainder), null);
   }
 
   /** WebXR's `XRLightEstimate`: unit vector towards the main light. */
@@ -61,17 +56,22 @@ export class Light {
 
   /** WebXR's, with the signs that Chromium gives: of the remainder. */
   get sphericalHarmonicsCoefficients(): Float32Array {
-    return this.harmonicsWithoutMainLight.condonShortley;
+    return this.withoutMainLight.harmonics.condonShortley;
   }
 
-  /** Linear panorama of `height` x 2 `height` RGB pixels: centre = the view, right of it +X, top row up. */
-  environment(height = 256): Float32Array {
-    return this.lighting.equirect(height);
+  /**
+   * Linear panorama of `height` x 2 `height` RGB pixels, the top row up: the view in the centre and
+   * +X right of it.
+   *
+   * @param viewU where the view stands instead, 0 to 1 from the left edge: 0.25 for three.js.
+   */
+  environment(height = 256, viewU = 0.5): Float32Array {
+    return rolled(this.lighting.equirect(height), 2 * height, viewU - 0.5);
   }
 
-  /** A Radiance file, as `deeplight estimate` writes it. */
-  hdr(): Blob {
-    return hdrFile(this.lighting);
+  /** A Radiance file of 256 x 512 pixels, as `deeplight estimate` writes it. */
+  hdr(viewU = 0.5): Blob {
+    return hdrFile(this.lighting, viewU);
   }
 
   /** The JSON file of `deeplight estimate`. @throws TypeError after `turned`. */

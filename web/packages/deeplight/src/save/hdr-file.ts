@@ -6,10 +6,27 @@ const LONGEST_COPY = 128;
 const LONGEST_RUN = 127;
 const SHORTEST_RUN = 4; // a shorter one saves nothing
 
-/** The light as `deeplight estimate --hdr` writes it: centre = the view, right of it +X, top up. */
-export function hdrFile(lighting: Lighting): Blob {
-  const panorama = lighting.equirect(LATLONG_HEIGHT);
+/**
+ * The light as `deeplight estimate --hdr` writes it: centre = the view, right of it +X, top up.
+ *
+ * @param viewU where the view stands instead, 0 to 1 from the left edge, for other tools' frames.
+ */
+export function hdrFile(lighting: Lighting, viewU = 0.5): Blob {
+  const panorama = rolled(lighting.equirect(LATLONG_HEIGHT), 2 * LATLONG_HEIGHT, viewU - 0.5);
   return new Blob([encodedHdr(panorama, 2 * LATLONG_HEIGHT)], { type: "image/vnd.radiance" });
+}
+
+/** Each row of `width` RGB pixels moved right by a share of it, around the edge. */
+export function rolled(panorama: Float32Array, width: number, share: number): Float32Array {
+  const by = 3 * ((Math.round(share * width) + width) % width);
+  if (by === 0) return panorama;
+  const result = new Float32Array(panorama.length);
+  for (let from = 0; from < panorama.length; from += 3 * width) {
+    const end = from + 3 * width;
+    result.set(panorama.subarray(end - by, end), from);
+    result.set(panorama.subarray(from, end - by), from + by);
+  }
+  return result;
 }
 
 /** A file of linear RGB rows, `width` pixels each, 8 to 32767. */
