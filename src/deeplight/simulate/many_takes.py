@@ -27,15 +27,18 @@ from deeplight.camera_response import GAMMA, encode
 from deeplight.frames import Rotation, turned, world_from_camera
 from deeplight.io.photos import decode_rgb, encode_jpeg
 from deeplight.lighting import LIGHTING_SIZE, Lighting
+from deeplight.mappings import mirror_ball
 from deeplight.reflectance import analytic_basis
 from deeplight.simulate.many_phones import Optics, PhoneSettings
 from deeplight.simulate.phone import Setting, follow, metered, vignetting
 from deeplight.simulate.place_light import PlaceLight
 from deeplight.simulate.processing import in_srgb, process
-from deeplight.simulate.take import Frame, shrink_ball
+from deeplight.simulate.take import Frame
 from deeplight.sphere import Rig, SphereView
 
-_FINE, _COARSE = 128, 64  # of the ball the mirror and the rough spheres are lit by
+_FINE, _COARSE = 128, 64
+_LIT_BY = {"mirror": _FINE, "matte_silver": _COARSE, "diffuse": LIGHTING_SIZE}
+"""Pixels along the ball of light that each sphere needs: a rougher one blurs the rest away."""
 _SENSOR_PIXELS = 64  # behind each pixel of the small photo, before noise reduction
 _DOWN, _UP = np.radians(-80.0), np.radians(25.0)
 
@@ -111,7 +114,7 @@ def film_many(
             name: _crop(values, rig.views[name], place, pose, phone, setting.gain, rng)
             for name, values in radiance.items()
         }
-        light = in_srgb(shrink_ball(ball, LIGHTING_SIZE) * setting.gain, phone.processing)
+        light = in_srgb(halved(halved(ball)) * setting.gain, phone.processing)
         known = facts(place, phone, pose, setting)
         yield Frame(decode_rgb(jpeg), jpeg, crops, Lighting(light), pose, setting, known)
 
@@ -185,10 +188,33 @@ def sphere_radiance(
 
     The weights are read once for all of them: reading them is most of the work.
     """
-    fine = np.stack([ball.reshape(-1, 3) for ball in balls], axis=1)
-    coarse = np.stack([shrink_ball(b, _COARSE).reshape(-1, 3) for b in balls], axis=1)
+    lights = {len(balls[0]): balls}
+    for size in (_COARSE, LIGHTING_SIZE):
+        lights[size] = [halved(ball) for ball in lights[2 * size]]
     weights = _weights_of(rig)
-    return {name: weights[name].relit(fine if name == "mirror" else coarse) for name in rig.views}
+    return {
+        name: weights[name].relit(np.stack([b.reshape(-1, 3) for b in lights[_LIT_BY[name]]], 1))
+        for name in rig.views
+    }
+
+
+def halved(ball: Float32[np.ndarray, "size size 3"]) -> Float32[np.ndarray, "half half 3"]:
+    """A mirror ball at half its size, the light of each four pixels added up."""
+    power = ball * mirror_ball.coverage(len(ball)).astype(np.float32)[..., None]
+    return _four_together(power) / _covered(len(ball))
+
+
+def _four_together(values: np.ndarray) -> np.ndarray:
+    pairs = values[::2] + values[1::2]
+    result: np.ndarray = pairs[:, ::2] + pairs[:, 1::2]
+    return result
+
+
+@lru_cache(maxsize=4)
+def _covered(size: int) -> Float32[np.ndarray, "half half 1"]:
+    """Pixels' worth of light in each four pixels of a ball."""
+    covered = _four_together(mirror_ball.coverage(size))[..., None]
+    return np.maximum(covered, 1e-9).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +248,7 @@ class _Weights:
 def _weights_of(rig: Rig) -> dict[str, _Weights]:
     result = {}
     for name, view in rig.views.items():
-        size = _FINE if name == "mirror" else _COARSE
-        weights = analytic_basis(name, view, size).weights
+        weights = analytic_basis(name, view, _LIT_BY[name]).weights
         rows = np.flatnonzero(weights.any(axis=1))
         if name == "mirror":
             row, column = np.nonzero(weights)
