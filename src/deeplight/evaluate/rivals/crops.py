@@ -1,0 +1,89 @@
+"""What the rivals learn from: views into HDR panoramas, as a phone shows them, with their light."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from deeplight.camera import LANDSCAPE_HEIGHT, LANDSCAPE_WIDTH, TRAINED_CAMERA, PinholeCamera
+from deeplight.frames import rotation, turned
+from deeplight.mappings import latlong, resample
+from deeplight.simulate.phone import PHONES, develop, draw_habits, metered
+
+HEIGHT = 64
+"""Rows of the panoramas that are learnt."""
+# Section 4.3: the middle 1080 x 810 of the 1080 x 1920 frame.
+LANDSCAPE_FOV_RAD = float(
+    2 * np.arctan(TRAINED_CAMERA.tangents[0] * LANDSCAPE_HEIGHT / LANDSCAPE_WIDTH)
+)
+_NOISE_PIXELS = 30
+
+
+@dataclass(frozen=True)
+class Views:
+    """Which views are taken.
+
+    Attributes:
+        width, height: pixels of a view.
+        per_panorama: views of each, at random azimuths.
+        elevation_deg: they look up or down by at most so much.
+        fov_deg: least and greatest vertical field of view.
+    """
+
+    width: int = 192
+    height: int = 144
+    per_panorama: int = 8
+    elevation_deg: float = 30.0
+    fov_deg: tuple[float, float] = (
+        float(np.degrees(LANDSCAPE_FOV_RAD)),
+        float(np.degrees(LANDSCAPE_FOV_RAD)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A view and the light around it.
+
+    Attributes:
+        photo: 8-bit.
+        panorama: of `HEIGHT` rows, upright, its centre column where the camera looks; relative to
+            the camera's white.
+        elevation_rad: of the camera, positive up.
+        fov_rad: vertical.
+    """
+
+    photo: UInt8[np.ndarray, "height width 3"]
+    panorama: Float32[np.ndarray, "rows columns 3"]
+    elevation_rad: float
+    fov_rad: float
+
+
+def pairs_of(
+    panorama: Float[np.ndarray, "rows columns 3"], views: Views, random: np.random.Generator
+) -> Iterator[Pair]:
+    """Take views of one panorama with a phone's automatic exposure and white balance."""
+    small = resample.shrink_latlong(panorama, HEIGHT)
+    for _ in range(views.per_panorama):
+        shift = int(random.integers(HEIGHT * 2))
+        azimuth = shift * np.pi / HEIGHT
+        elevation = float(np.radians(random.uniform(-1, 1) * views.elevation_deg))
+        fov = float(np.radians(random.uniform(*views.fov_deg)))
+        rays = PinholeCamera(views.width, views.height, fov).rays()
+        world = rotation("y", -azimuth) @ rotation("x", elevation)
+        radiance = resample.sample_latlong(panorama, turned(rays, world)).astype(np.float32)
+        habits = draw_habits(PHONES["paper"], random)
+        weight = latlong.solid_angles(*small.shape[:2])
+        illuminant = np.average(small, axis=(0, 1), weights=weight)
+        gain = metered(radiance[::4, ::4].reshape(-1, 3), illuminant, habits).gain
+        photo = develop(radiance, gain, habits, _NOISE_PIXELS, random)
+        light = np.roll(small, -shift, axis=1) * gain
+        yield Pair(photo, np.ascontiguousarray(light, np.float32), elevation, fov)
+
+
+def all_pairs(
+    panoramas: Sequence[Float[np.ndarray, "rows columns 3"]], views: Views, seed: int = 0
+) -> list[Pair]:
+    """The views of all panoramas, in their order."""
+    random = np.random.default_rng(seed)
+    return [pair for panorama in panoramas for pair in pairs_of(panorama, views, random)]

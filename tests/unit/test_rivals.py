@@ -1,0 +1,245 @@
+# ruff: noqa: E402
+"""The rivals of section 4.3: made-up skies come back, and each learns eight examples by heart."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+torch = pytest.importorskip("torch")
+
+from deeplight.camera_response import LUMINANCE
+from deeplight.dataset import open_dataset
+from deeplight.errors import ModelError
+from deeplight.evaluate.panorama_estimates import panorama_estimates
+from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
+from deeplight.evaluate.rivals.crops import HEIGHT, Pair, Views, all_pairs
+from deeplight.evaluate.rivals.predict import write_answers
+from deeplight.evaluate.rivals.sky import Sky, brightest_region, fitted_sky, sky_radiance
+from deeplight.evaluate.rivals.training import PRESETS, load_rival, smaller, train_rival
+from deeplight.frames import normalised, rotation, turned
+from deeplight.mappings import latlong
+from toy_data import write_toy_data
+
+
+def towards(elevation_deg: float, azimuth_deg: float) -> np.ndarray:
+    """0 degrees is the middle of a panorama, 90 right of it."""
+    up, around = np.radians(elevation_deg), np.radians(azimuth_deg)
+    return np.array([np.cos(up) * np.sin(around), np.sin(up), -np.cos(up) * np.cos(around)])
+
+
+# -- the sky ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("turbidity", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize(("elevation", "azimuth"), [(20, -100), (45, 30), (70, 179)])
+def test_a_made_up_sky_comes_back(elevation: float, azimuth: float, turbidity: float) -> None:
+    sun = towards(elevation, azimuth)
+    found = fitted_sky(Sky(sun, turbidity, 2.5).panorama(64))
+    assert np.degrees(np.arccos(found.sun @ sun)) < 3
+    assert found.turbidity == pytest.approx(turbidity, abs=0.5)
+    assert found.scale == pytest.approx(2.5, rel=0.1)
+
+
+def test_houses_in_front_of_the_sky_do_not_matter_much() -> None:
+    sun = towards(50, 60)
+    panorama = Sky(sun, 3.0, 1.0).panorama(64)
+    panorama[20:34, :40] = [0.02, 0.015, 0.01]
+    found = fitted_sky(panorama)
+    assert found.turbidity == pytest.approx(3, abs=0.7)
+    assert np.degrees(np.arccos(found.sun @ sun)) < 3
+
+
+def test_the_sky_is_blue_opposite_the_sun_and_brightest_beside_it() -> None:
+    sun = towards(40, 0)
+    beside, opposite = sky_radiance(np.stack([towards(45, 5), towards(45, 180)]), sun, 2.5)
+    assert opposite[2] > 1.3 * opposite[0]
+    assert beside @ LUMINANCE > 3 * (opposite @ LUMINANCE)
+    hazy = sky_radiance(towards(45, 180)[None], sun, 9.0)[0]
+    assert hazy[2] / hazy[0] < opposite[2] / opposite[0]
+
+
+def test_the_suns_power_does_not_depend_on_the_panoramas_size() -> None:
+    powers = []
+    for height in (32, 64, 128):
+        panorama = Sky(towards(40, 13), 3.0).panorama(height)
+        powers.append(np.einsum("ij,ijc->c", latlong.solid_angles(height, 2 * height), panorama))
+    np.testing.assert_allclose(powers[0], powers[2], rtol=0.02)
+    np.testing.assert_allclose(powers[1], powers[2], rtol=0.02)
+
+
+def test_a_region_behind_the_camera_is_one() -> None:
+    panorama = np.full((64, 128, 3), 0.1)
+    panorama[18:22, :3] = panorama[18:22, -3:] = 5.0
+    panorama[18:22, 40:45] = 5.0  # 5 columns against 6 around the back
+    assert brightest_region(panorama) @ towards(33.75, 180) > 0.99
+
+
+# -- what they learn from --------------------------------------------------------------------------
+
+VIEWS = Views(64, 48, per_panorama=2, fov_deg=(50, 50))
+
+
+def places(count: int = 4) -> list[np.ndarray]:
+    """Skies, each over another coloured floor so that views differ."""
+    random = np.random.default_rng(1)
+    found = []
+    for number in range(count):
+        panorama = Sky(towards(25 + 12 * number, 90 * number + 10), 2.5 + number).panorama(128)
+        blocks = np.kron(random.uniform(0.02, 0.3, (8, 32, 3)), np.ones((8, 8, 1)))
+        panorama[64:] = blocks
+        found.append(panorama.astype(np.float32))
+    return found
+
+
+def rooms(count: int = 4) -> list[np.ndarray]:
+    """Dim walls, each with a window of its own in another place."""
+    random = np.random.default_rng(2)
+    found = []
+    for number in range(count):
+        panorama = np.kron(random.uniform(0.05, 0.4, (16, 32, 3)), np.ones((8, 8, 1)))
+        left = 10 + 60 * number
+        panorama[30:54, left : left + 30] = 30 * random.uniform(0.7, 1.0, 3)
+        found.append(panorama.astype(np.float32))
+    return found
+
+
+@pytest.fixture(scope="module")
+def pairs() -> list[Pair]:
+    return all_pairs(places(), VIEWS)
+
+
+def test_a_pair_holds_the_light_of_its_own_view(pairs: list[Pair]) -> None:
+    """The panorama around the view direction is what the photo shows, for every elevation."""
+    for pair in pairs:
+        rays = rotation("x", pair.elevation_rad) @ np.array([0.0, 0.0, -1.0])
+        row, column = latlong.position(rays[None], HEIGHT, 2 * HEIGHT)
+        near = pair.panorama[int(row[0]) - 1 : int(row[0]) + 3, int(column[0]) : int(column[0]) + 2]
+        shown = (pair.photo[18:30, 24:40] / 255.0) ** 2.2
+        ours, photos = near.mean((0, 1)) @ LUMINANCE, shown.mean((0, 1)) @ LUMINANCE
+        assert abs(np.log2(min(ours, 1.0) / photos)) < 1.2
+    assert len({round(pair.elevation_rad, 3) for pair in pairs}) == len(pairs)
+
+
+def test_the_same_seed_gives_the_same_views(pairs: list[Pair]) -> None:
+    again = all_pairs(places(), VIEWS)
+    assert all((a.photo == b.photo).all() for a, b in zip(pairs, again, strict=True))
+    assert (all_pairs(places(), VIEWS, seed=1)[0].photo != pairs[0].photo).any()
+
+
+# -- the networks ----------------------------------------------------------------------------------
+
+
+def test_as_published_they_have_the_papers_sizes() -> None:
+    gardner = gardner_2017.Gardner2017()
+    colours, intensity = gardner(torch.zeros(2, 3, 192, 256))
+    assert colours.shape == (2, 3, 64, 128)
+    assert intensity.shape == (2, 1, 64, 128)
+    assert gardner.latent[0].in_features == 12_288
+    assert gardner.latent[0].out_features == 1024
+    hold = hold_geoffroy_2017.HoldGeoffroy2017()
+    assert 43e6 < sum(p.numel() for p in hold.parameters()) < 47e6
+    bins, parameters = hold(torch.zeros(2, 3, 240, 320))
+    assert bins.shape == (2, 160)
+    assert parameters.shape == (2, 4)
+    torch.testing.assert_close(bins.exp().sum(1), torch.ones(2))
+
+
+def test_suns_bins_are_a_grid_whose_target_peaks_at_the_sun() -> None:
+    rays = hold_geoffroy_2017.bin_directions()
+    assert (rays[:, 1] > 0).all()
+    assert np.linalg.norm(rays, axis=1) == pytest.approx(1)
+    sun = towards(40, -75)
+    target = hold_geoffroy_2017.sun_target(sun)
+    assert target.sum() == pytest.approx(1)
+    assert np.degrees(np.arccos(rays[target.argmax()] @ sun)) < 11
+    assert target.argmax() != hold_geoffroy_2017.sun_target(towards(40, 75)).argmax()
+
+
+def test_the_filter_keeps_even_maps_and_sharpens_with_the_epoch() -> None:
+    wide, narrow = (gardner_2017.filter_matrix(epoch) for epoch in (0.3, 20.0))
+    for matrix in (wide, narrow):
+        torch.testing.assert_close(matrix.sum(1), torch.ones(24 * 48))
+    middle = 12 * 48 + 24
+    assert wide[middle].max() < 0.1 * narrow[middle].max()
+
+    def difference(matrix: torch.Tensor, columns: int) -> float:
+        """Of a lamp and the same lamp so many columns away."""
+        lamp = torch.zeros(24, 48)
+        lamp[7:9, 10:12] = 2.0
+        moved = torch.roll(lamp, columns, 1)
+        return float((((moved - lamp).ravel() @ matrix.T) ** 2).mean())
+
+    # A blurred loss shows the way to a lamp that is far off; a sharp one does not.
+    assert difference(wide, 6) < 0.5 * difference(wide, 20)
+    assert difference(narrow, 6) > 0.9 * difference(narrow, 20)
+
+
+def test_a_map_like_the_target_has_no_loss() -> None:
+    light = torch.rand(2, 3, 64, 128) * 5
+    wanted = gardner_2017.targets(light, 0.5)
+    assert float(gardner_2017.loss(wanted, wanted, 1.0)) == 0
+    other = (wanted[0], torch.roll(wanted[1], 20, 3))
+    assert float(gardner_2017.loss(other, wanted, 1.0)) > 0
+    assert (wanted[1] > 0).float().mean() < 1
+
+
+def test_the_final_map_has_the_photos_colour_and_the_lamps_power() -> None:
+    colours = np.full((64, 128, 3), 0.3)
+    log_intensity = np.zeros((64, 128))
+    log_intensity[10:14, 100:104] = 2.0
+    photo = np.full((48, 64, 3), np.array([0.8, 0.6, 0.4]))
+    found = gardner_2017.radiance_of(colours, log_intensity, photo)
+    tint = photo[0, 0] ** 2.2 / (photo[0, 0] ** 2.2 @ LUMINANCE)
+    assert found[12, 102] == pytest.approx(99 * tint, rel=1e-3)
+    assert found[40, 5] == pytest.approx(0.3 * tint, rel=1e-3)
+
+
+@pytest.mark.parametrize("preset", ["gardner_2017", "hold_geoffroy_2017"])
+def test_each_learns_eight_examples_by_heart(preset: str, tmp_path: Path) -> None:
+    """And answers with its light where it is: the brightest direction within 25 degrees."""
+    pairs = all_pairs(rooms() if preset == "gardner_2017" else places(), VIEWS)
+    config = smaller(PRESETS[preset], 0.12, (48, 64))
+    kept = {"learning_rate": 0.005, "steps": 100, "batch_size": 8, "epoch_steps": 12}
+    torch.set_num_threads(1)
+    rival = train_rival(type(config)(**{**vars(config), **kept}), pairs)
+    assert np.mean(rival.losses[-5:]) < 0.25 * np.mean(rival.losses[:5])
+    off = [degrees_between(rival.panorama(p.photo), in_camera(p, preset)) for p in pairs]
+    assert np.median(off) < 25
+    shuffled = [
+        degrees_between(rival.panorama(p.photo), in_camera(q, preset))
+        for p, q in zip(pairs, [*pairs[3:], *pairs[:3]], strict=True)
+    ]
+    assert np.median(shuffled) > 40  # the twin: another photo's light
+    rival.save(tmp_path / "rival.safetensors")
+    again = load_rival(tmp_path / "rival.safetensors")
+    np.testing.assert_allclose(
+        again.panorama(pairs[0].photo), rival.panorama(pairs[0].photo), rtol=1e-5
+    )
+    data = open_dataset(write_toy_data(tmp_path / "data", {"val_indoor": 3}))
+    assert write_answers(again, data, "val", tmp_path / "answers") == 3
+    (method,) = panorama_estimates([f"rival={tmp_path / 'answers'}"])
+    assert np.isfinite(method.estimate_keys(data.index("val").keys)).all()
+
+
+def in_camera(pair: Pair, preset: str) -> np.ndarray:
+    """Direction of the brightest light; Gardner's panoramas stay upright, as the paper's do."""
+    rows, columns = np.unravel_index(np.argmax(pair.panorama @ LUMINANCE), (HEIGHT, 2 * HEIGHT))
+    level = latlong.directions(HEIGHT, 2 * HEIGHT)[rows, columns].astype(float)
+    if preset == "gardner_2017":
+        return level
+    return np.asarray(turned(level, rotation("x", pair.elevation_rad).T))
+
+
+def degrees_between(panorama: np.ndarray, direction: np.ndarray) -> float:
+    height = len(panorama)
+    weight = (panorama @ LUMINANCE) ** 2 * latlong.solid_angles(height, 2 * height)
+    found = np.einsum("ij,ijk->k", weight, latlong.directions(height, 2 * height))
+    return float(np.degrees(np.arccos(np.clip(normalised(found) @ direction, -1, 1))))
+
+
+def test_another_file_is_no_rival(tmp_path: Path) -> None:
+    (tmp_path / "a.safetensors").write_bytes(b"nothing")
+    with pytest.raises(ModelError, match="trained rival"):
+        load_rival(tmp_path / "a.safetensors")
