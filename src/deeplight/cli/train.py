@@ -1,6 +1,6 @@
 """Train the network on a data set that `deeplight simulate` or a capture made.
 
-deeplight train --data data --out runs/first --preset small --imagenet mobilenet_v2.npz
+deeplight train --data data --out runs/first --preset small --weights shipped
 
 Run again with the same arguments, it goes on where it was stopped, on any number of devices. The
 folder holds run.toml, losses.csv, validation.csv, curves.png, the checkpoints and best.safetensors.
@@ -38,7 +38,8 @@ class Args:
     imagenet: Path | None = None
     """Folded MobileNetV2 weights (.npz) that the encoder starts from."""
     weights: Path | None = None
-    """best.safetensors of an earlier run of the same network that this one starts from."""
+    """Network that this run starts from: best.safetensors of an earlier run, an exported .onnx, or
+    shipped for the model that comes with deeplight."""
     more: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """Another data set to learn from; may be given several times. Validation uses --data alone."""
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -55,14 +56,16 @@ class Args:
 
 def run(args: Args) -> None:
     """Train with a progress bar; export if asked to."""
+    from deeplight.estimators.onnx import shipped_model
     from deeplight.training.devices import first_process
     from deeplight.training.loop import train
     from deeplight.training.presets import preset
 
     machine = (f"run.time_limit_minutes={args.minutes}", f"run.devices={args.devices}")
     config = preset(args.preset, (*args.set, *machine, f"run.nodes={args.nodes}"))
+    weights = shipped_model() if args.weights == Path("shipped") else args.weights
     with TrainProgress(quiet=not first_process()) as progress:
-        train(args.data, args.out, config, args.imagenet, progress.show, args.weights, args.more)
+        train(args.data, args.out, config, args.imagenet, progress.show, weights, args.more)
     if first_process():
         finish(args.out, args.data, args.export)
 
