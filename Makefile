@@ -14,12 +14,14 @@ EXTRAS := capture,cluster,dev,heic,litert,render,train
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint ci bench results ablation round-trip web web-test web-e2e web-ci clean
+.PHONY: help run test lint coverage docs ci bench results ablation round-trip web web-test web-e2e web-ci clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
 	@echo "make test   run the tests (installs everything, CPU torch too)"
 	@echo "make lint   ruff, mypy, import rules"
+	@echo "make docs   the documents as a site, with the API reference, in out/site"
+	@echo "make coverage  the tests, and that they reach 95 % of the lines"
 	@echo "make ci     what CI runs: lint, the live page's tests (if there is node), test"
 	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
 	@echo "make results evaluate the model on DATA and rewrite the numbers in the documents"
@@ -45,6 +47,13 @@ lint: $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+coverage: $(VENV)/.installed-test
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --cov=deeplight --cov-report=term-missing:skip-covered --cov-fail-under=95
+
+docs: $(VENV)/.installed-test
+	$(PIP) install --quiet --editable ".[docs]"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
 # The page is built before the tests, since some of them look at it.
 ci: lint web-ci test
 
@@ -64,14 +73,14 @@ SPLITS ?= val test seen
 
 results: $(VENV)/.installed-test
 	$(BIN)/deeplight evaluate --data $(DATA) --split $(SPLITS) --out out/evaluation
-	$(BIN)/python lab/evidence/update_results.py out/evaluation
+	$(BIN)/python -m lab.evidence.update_results out/evaluation
 
 # Table 1 and the learning curve: ten trainings, an hour or two on two cores. It may be killed.
 ablation: $(VENV)/.installed-test
 	@test -f "$(IMAGENET)" || { echo "make ablation IMAGENET=folded MobileNetV2 weights (.npz)"; exit 2; }
-	$(BIN)/python lab/evidence/equal_budget.py $(DATA) --imagenet $(IMAGENET)
+	$(BIN)/python -m lab.evidence.equal_budget $(DATA) --imagenet $(IMAGENET)
 	$(BIN)/deeplight evaluate --data $(DATA) --split val --model runs/equal --out out/equal
-	$(BIN)/python lab/evidence/equal_budget_tables.py out/equal
+	$(BIN)/python -m lab.evidence.equal_budget_tables out/equal
 
 # Blender's module brings its own numpy, so it gets an environment of its own, and so do the codecs.
 round-trip: $(VENV)/.installed-test .round-trip/.installed

@@ -1,6 +1,6 @@
 """One network from the weights of several runs of it.
 
-python lab/evidence/average_weights.py --out soup.safetensors \
+python -m lab.evidence.average_weights --out soup.safetensors \
     --parts runs/a/best.safetensors 0.7 runs/b/best.safetensors 0.3
 """
 

@@ -1,6 +1,6 @@
 """How well the spheres of clips with known rigs are found.
 
-python lab/evidence/capture_accuracy.py FOLDER [--overlays FOLDER] [--tag | --saved]
+python -m lab.evidence.capture_accuracy FOLDER [--overlays FOLDER] [--tag | --saved]
 
 Locates the rig of every FOLDER/**/*.mp4 that has a .truth.json beside it and prints a Markdown
 table and a summary, in pixels of a 1080-wide frame. `--tag`: by the tag on the bar and

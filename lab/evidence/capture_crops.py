@@ -1,7 +1,7 @@
 """How far stored crops are from the true ones, for every kept frame of simulated clips.
 
     deeplight capture data/films/clips --out data/captured
-    python lab/evidence/capture_crops.py data/films/clips data/captured
+    python -m lab.evidence.capture_crops data/films/clips data/captured
 
 Masked L1 of pixel values, per clip and sphere, against CLIP.truth.npz (crops without noise and
 compression).

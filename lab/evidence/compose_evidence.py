@@ -1,6 +1,6 @@
 """Objects under estimated light beside the same objects under the scene's true light (figure 9).
 
-python lab/evidence/compose_evidence.py data/sim [--split val] [--cases 32] [--out runs/compose]
+python -m lab.evidence.compose_evidence data/sim [--split val] [--cases 32] [--out runs/compose]
 
 Takes simulated photos that look down on some ground and carry their true HDR light, spread over
 the places of the split. Into each it puts the bunny, diffuse and silver: under the true light, the

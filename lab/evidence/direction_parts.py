@@ -1,6 +1,6 @@
 """Where the main light is when the model misses it: in the photo, beside it, behind the camera.
 
-    python lab/evidence/direction_parts.py data/sim
+    python -m lab.evidence.direction_parts data/sim
 
 Prints a table for docs/results.md: medians over the validation frames that have a main light.
 """

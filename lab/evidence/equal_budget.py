@@ -1,8 +1,8 @@
 """Table 1 and the learning curve: runs that differ in one thing and see equally many photos.
 
-    python lab/evidence/equal_budget.py data/sim --imagenet mobilenet_v2_imagenet_folded.npz
+    python -m lab.evidence.equal_budget data/sim --imagenet mobilenet_v2_imagenet_folded.npz
     deeplight evaluate --data data/sim --split val --model runs/equal --out out/equal
-    python lab/evidence/equal_budget_tables.py out/equal
+    python -m lab.evidence.equal_budget_tables out/equal
 
 The second command measures them on the validation places, the third writes docs/results.md. A run
 that is finished is not repeated, one that was killed goes on; give some --rows to each of several

@@ -1,6 +1,6 @@
 """Put the rows of table 1 and the learning curve into docs/results.md.
 
-    python lab/evidence/equal_budget_tables.py out/equal
+    python -m lab.evidence.equal_budget_tables out/equal
 
 The folder is what `deeplight evaluate` wrote of the runs of `equal_budget.py`.
 """

@@ -1,6 +1,6 @@
 """What the model's errors are made of: brightness, hue, and how the light is spread.
 
-    python lab/evidence/error_parts.py data/sim
+    python -m lab.evidence.error_parts data/sim
 
 On the validation places, each estimate is changed with the help of the truth (one brightness, one
 hue for all of its light), or without it (contrast, or dimmed but for the brightest pixels), and is

@@ -1,7 +1,7 @@
 """What more places, one sphere alone or other data would change, told in minutes on a CPU.
 
-    python lab/evidence/frozen_heads.py data/sim --imagenet mobilenet_v2_imagenet_folded.npz
-    python lab/evidence/frozen_heads.py data/sim --imagenet ... --rows more --more data/varied
+    python -m lab.evidence.frozen_heads data/sim --imagenet mobilenet_v2_imagenet_folded.npz
+    python -m lab.evidence.frozen_heads data/sim --imagenet ... --rows more --more data/varied
 
 A stand-in for training the network: MobileNetV2's ImageNet features stay frozen and are computed
 once; a small head (256 units, 40 principal components of ln radiance) learns on them from the

@@ -1,6 +1,6 @@
 """How well bases measured in the virtual light stage stand in for the analytic ones.
 
-python lab/evidence/light_stage.py HDRI [WORK]
+python -m lab.evidence.light_stage HDRI [WORK]
 
 Photographs the spheres with the defaults of `python -m lab.light_stage` (344 lights,
 perspective, noise, spread of intensity and colour, dark room and hot pixels), measures their

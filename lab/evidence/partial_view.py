@@ -1,6 +1,6 @@
 """What it costs when a photo shows only part of the view the network was trained on.
 
-python lab/evidence/partial_view.py DATA [SPLIT]
+python -m lab.evidence.partial_view DATA [SPLIT]
 
 Every background of SPLIT (default val) is cut down to what each kind of photo would show of it
 and filled from its edges, as `preprocess` fills a real photo. Prints a Markdown table.

@@ -1,6 +1,6 @@
 """Write the checksums of a benchmark of `deeplight.evaluate.benchmark`, once, when it is new.
 
-python lab/evidence/publish_benchmark.py v1 HDRI
+python -m lab.evidence.publish_benchmark v1 HDRI
 """
 
 import sys

@@ -1,6 +1,6 @@
 """Put the numbers and pictures of compose_evidence.py into docs/compose.md.
 
-python lab/evidence/update_compose.py [FOLDER]     what it wrote; runs/compose_test by default
+python -m lab.evidence.update_compose [FOLDER]     what it wrote; runs/compose_test by default
 
 Only what stands between `<!-- results: compose -->` and `<!-- results end -->` is replaced, and the
 two pictures beside it. Numbers of other weights than the shipped ones are refused.

@@ -1,6 +1,6 @@
 """Put the numbers of evaluations into README.md, MODEL_CARD.md and docs/results.md.
 
-python lab/evidence/update_results.py FOLDER...     folders that `deeplight evaluate --out` wrote
+python -m lab.evidence.update_results FOLDER...     folders that `deeplight evaluate --out` wrote
 
 `make results` does both. Only what stands between markers is replaced:
 

@@ -1,8 +1,8 @@
 """Estimate the light of photos: an EXR environment, a JSON description and a preview for each.
 
-deeplight estimate photo.jpg --out out
+deeplight estimate photo.jpg
 
-deeplight estimate photos/ clip.mp4 --out out --for blender
+deeplight estimate photos/ clip.mp4 --out light --for blender
 
 Where the camera looked, the environment is the photo itself; elsewhere it is the network's
 estimate, and what stands out of that becomes compact lamps, listed in the JSON.
@@ -28,15 +28,16 @@ class Args:
 
     photos: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PHOTO...")]
     """Photos, folders of photos, videos (one result per frame)."""
-    out: Path
+    out: Path = Path("out")
     """Folder for the results; made if it is missing."""
     fov: float | None = None
     """Vertical field of view of the upright photo in degrees. Default: from EXIF, else 66 degrees
     along the long side."""
     height: int = 256
     """Rows of the environment, 64 to 2048."""
-    model: Path | None = None
-    """Use this .onnx or .tflite file instead of the model that comes with deeplight."""
+    model: str | None = None
+    """Use this .onnx or .tflite file, package.module:Class or entry point (docs/extend.md) instead of
+    the model that comes with deeplight."""
     made_for: Annotated[
         Literal["blender", "three", "mitsuba", "unity", "unreal", "usd", "webxr"] | None,
         tyro.conf.arg(name="for"),

@@ -63,7 +63,8 @@ def estimate_many(
 
     Args:
         photos: as `estimate` takes them; read one after the other.
-        fov_deg, height: as for `estimate`, the same for all.
+        fov_deg: as for `estimate`, the same for all.
+        height: as for `estimate`, the same for all.
         estimator: of `load_estimator`; left out, the shipped model.
         progress: called with the number of photos done.
         on_error: called with the number of a photo that cannot be used, from 0, and the reason; its

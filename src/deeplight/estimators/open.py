@@ -33,7 +33,7 @@ def open_model(model: Path | str | None = None, threads: int | None = None) -> N
         ModelError: the file or the class cannot be used.
         MissingExtraError: LiteRT is not installed.
     """
-    named = _named_class(str(model)) if isinstance(model, str) else None
+    named = None if model is None else _named_class(str(model))
     if named is not None:
         return ClassEstimator(named)
     if model is None or Path(model).suffix.lower() != LITERT:

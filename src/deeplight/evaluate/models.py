@@ -13,7 +13,7 @@ from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError, ModelError
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.onnx import shipped_model
-from deeplight.estimators.open import open_model
+from deeplight.estimators.open import ClassEstimator, open_model
 from deeplight.io.photo_like import PhotoLike
 from deeplight.lighting import Lighting
 from deeplight.preprocess import frame_photo, network_input
@@ -79,8 +79,10 @@ def named_models(given: Sequence[str]) -> list[NamedModel]:
         if Path(path).is_dir():
             models += [NamedModel(own, open_model(file)) for own, file in _runs(Path(path), name)]
         else:
-            own = name or _own_name(Path(path))
-            models.append(NamedModel(own, open_model(path)))
+            network = open_model(path)
+            is_class = isinstance(network, ClassEstimator)
+            own = name or (network.name if is_class else _own_name(Path(path)))
+            models.append(NamedModel(own, network))
     return models
 
 
