@@ -36,8 +36,8 @@ class Args:
     height: int = 256
     """Rows of the environment, 64 to 2048."""
     model: str | None = None
-    """Use this .onnx or .tflite file, package.module:Class or entry point (docs/extend.md) instead of
-    the model that comes with deeplight."""
+    """A .onnx or .tflite file, package.module:Class or the name of an entry point (docs/extend.md);
+    left out, the model that comes with deeplight."""
     made_for: Annotated[
         Literal["blender", "three", "mitsuba", "unity", "unreal", "usd", "webxr"] | None,
         tyro.conf.arg(name="for"),
