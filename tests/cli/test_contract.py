@@ -154,7 +154,7 @@ def test_every_verb_has_help_with_an_example(name: str, capsys: pytest.CaptureFi
 
 def test_every_verb_is_one_file(root: Path) -> None:
     files = {path.stem for path in (root / "src" / "deeplight" / "cli").glob("*.py")}
-    assert files == {*VERBS, "__init__", "main", "screen", *LEFT}
+    assert files == {*VERBS, "__init__", "main", "screen", "stopping", *LEFT}
 
 
 @pytest.mark.parametrize("flag", ["--help", "--version"])

@@ -152,7 +152,7 @@ Damage = Callable[[Path], object]
     [
         (lambda path: path.write_bytes(path.read_bytes()[:9000]), "truncated or damaged"),
         (lambda path: path.write_bytes(b""), "0 bytes long"),
-        (lambda path: path.write_text("no video at all\n" * 50), "truncated or damaged"),
+        (lambda path: path.write_text("no video at all\n" * 50), "two.mp4, a text"),
         (lambda path: path.unlink(), "No such file"),
         (lambda path: write_audio(path), "without video"),
         (lambda path: write_clip(path, [np.zeros((320, 180, 3), np.uint8)] * 9), "good frames"),

@@ -1,6 +1,6 @@
 """Each way of finding the spheres, through `locate`, on tiny drawn clips."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -43,12 +43,18 @@ TAG = TagRig(
 class Drawn(Still):
     """A frame that is not from a file."""
 
+    def __init__(self, number: int, time_s: float, pixels: np.ndarray) -> None:
+        vars(self).update(number=number, time_s=time_s, pixels=pixels)
+
     @cached_property
     def luma(self) -> np.ndarray:
         return cv2.cvtColor(self.rgb(), cv2.COLOR_RGB2GRAY)
 
+    def averaged_luma(self, average: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        return average(self.luma)
+
     def rgb(self) -> np.ndarray:
-        return np.asarray(self._frame)
+        return np.asarray(vars(self)["pixels"])
 
 
 def paste(frame: np.ndarray, name: str, cone: Cone) -> None:

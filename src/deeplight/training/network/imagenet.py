@@ -57,6 +57,8 @@ def read_folded(path: Path) -> dict[str, np.ndarray]:
         OSError: there is no such file, or reading it is not permitted.
         ModelError: it is no .npz, or damaged.
     """
+    if path.is_dir():
+        raise ModelError("an .npz of MobileNetV2 weights", f"{path}, a folder", "give the file")
     try:
         return read_arrays(path)
     except ValueError as error:
