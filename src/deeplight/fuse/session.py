@@ -94,7 +94,7 @@ class Session:
 
     @property
     def views(self) -> tuple[View, ...]:
-        """What is kept, oldest first."""
+        """What is kept; the first one defines the unit."""
         return tuple(self._views)
 
     @property
@@ -177,7 +177,8 @@ class Session:
         self._strange = self._strange + 1 if disagreement > CHANGED else 0
         forgotten = self._strange >= PATIENCE
         if forgotten:
-            self._keep(list(range(max(0, slot + 1 - PATIENCE), slot + 1)))
+            newest = sorted(range(slot + 1), key=lambda k: self._views[k].number)[-PATIENCE:]
+            self._keep(newest)
             self._strange = 0
         else:
             self._thin(slot)
@@ -199,7 +200,8 @@ class Session:
         self._differences[slot, slot] = self._sure[slot, slot] = 0
         sure = found.weight.sum(1)
         overlapping = sure > LEAST_OVERLAP_SR
-        overlapping[max(0, slot - self._strange) :] = False  # asked about are the views before
+        before = view.number - self._strange  # later ones may be of the new place
+        overlapping &= np.array([other.number < before for other in self._views[:slot]], bool)
         if not overlapping.any():
             return 0.0
         return float(np.average(found.disagreement[overlapping], weights=sure[overlapping]))
@@ -222,7 +224,8 @@ class Session:
         angle[0] = np.inf  # the first view defines the unit
         near = np.flatnonzero(angle[:newest, newest] < NEAR_RAD)
         if len(near):
-            self._keep([k for k in range(len(views)) if k not in near])
+            kept = [k for k in range(newest) if k not in near[1:]]
+            self._keep([newest if k == near[0] else k for k in kept])
         elif len(views) > self._most:
             worst = int(angle.min(1).argmin())
             self._keep([k for k in range(len(views)) if k != worst])
@@ -231,9 +234,11 @@ class Session:
         shift = self._log_gain[kept[0]]
         self._unit = self._unit + shift
         self._log_gain = self._log_gain[kept] - shift
-        n = len(kept)
+        to = [k for k, source in enumerate(kept) if k != source]  # most stay where they are
+        source = [kept[k] for k in to]
         for array in (self._logs, self._weights, self._power):
-            array[:n] = array[kept]
+            array[to] = array[source]
+        n = len(kept)
         for pairs in (self._differences, self._sure):
             pairs[:n, :n] = pairs[np.ix_(kept, kept)]
         self._views = [self._views[k] for k in kept]
