@@ -9,6 +9,7 @@ import torch
 from deeplight.errors import ModelError
 from deeplight.training import checkpoint
 from deeplight.training.config import TrainConfig, flatten
+from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, NetworkConfig
 from deeplight.training.weight_averaging import average_weights
 
@@ -54,6 +55,21 @@ def test_the_mean_of_equal_parts_is_the_part_in_any_order(tmp_path: Path) -> Non
     for name, value in part.items():
         torch.testing.assert_close(soups[0][name], value, rtol=1e-6, atol=1e-7)
         torch.testing.assert_close(soups[1][name], soups[2][name], rtol=1e-5, atol=1e-6)
+
+
+@torch.no_grad()
+def test_of_a_checkpoint_the_averaged_weights_are_taken(tmp_path: Path) -> None:
+    now, mean = saved(tmp_path / "now.safetensors", 1), saved(tmp_path / "mean.safetensors", 2)
+    header, states = checkpoint.load(now)
+    average = checkpoint.load(mean)[1]["generator"]
+    path = tmp_path / "step-00000007.safetensors"
+    checkpoint.save(path, header, generator=states["generator"], average=average)
+    photo = torch.rand(1, 3, 192, 135) - 0.5
+    found, wanted, other = (load_network(file)[0](photo) for file in (path, mean, now))
+    torch.testing.assert_close(found, wanted)
+    assert (found - other).abs().max() > 1e-3
+    average_weights([(path, 1.0)], tmp_path / "soup.safetensors")
+    torch.testing.assert_close(load_network(tmp_path / "soup.safetensors")[0](photo), wanted)
 
 
 def test_networks_for_other_photos_are_not_mixed(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ therefore the state of every random number generator.
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -144,6 +145,11 @@ def remove_old(run_dir: Path, keep: int = KEPT) -> None:
     torn = (run_dir / "checkpoints").glob(".step-*.safetensors")
     for path in (*paths[:-keep], *torn):
         path.unlink(missing_ok=True)
+
+
+def averaged(states: Mapping[str, dict[str, Tensor]]) -> dict[str, Tensor]:
+    """The averaged weights, of a checkpoint or of a best.safetensors; {} where there are none."""
+    return states.get("average", states.get("generator", {}))
 
 
 def load_weights(generator: nn.Module, path: Path) -> None:

@@ -27,7 +27,8 @@ def load_network(path: Path, data: str = "") -> tuple[Generator, ModelContract]:
     An ONNX file's weights are those it stores: of a float16 file the rounded ones.
 
     Args:
-        path: an exported .onnx, a run's best.safetensors, or its folder.
+        path: an exported .onnx, a run's best.safetensors, or its folder; or one of its
+            checkpoints, of which the averaged weights are taken.
         data: what a run was trained on, in words; an ONNX file tells that itself.
 
     Raises:
@@ -41,7 +42,7 @@ def load_network(path: Path, data: str = "") -> tuple[Generator, ModelContract]:
             return _from_onnx(path)
     header, states = checkpoint.load(path)
     generator = Generator(settings_of(header).network)
-    _fill(generator, states.get("generator", {}), path)
+    _fill(generator, checkpoint.averaged(states), path)
     fold_batch_norm(generator)
     return generator, contract_of(header, data)
 

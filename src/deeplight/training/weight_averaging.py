@@ -21,7 +21,7 @@ def average_weights(parts: Sequence[tuple[Path, float]], out: Path) -> checkpoin
     The header is the first's, without a validation score: nobody has measured the mean yet.
 
     Args:
-        parts: files and their shares, which are divided by their sum.
+        parts: best.safetensors files or checkpoints, and their shares, divided by their sum.
 
     Raises:
         ModelError: no parts, shares that are not above 0, or a file of another network.
@@ -32,15 +32,15 @@ def average_weights(parts: Sequence[tuple[Path, float]], out: Path) -> checkpoin
     total = sum(share for _, share in parts)
     loaded = [(path, *checkpoint.load(path)) for path, _ in parts]
     _, header, first = loaded[0]
-    shapes = {name: value.shape for name, value in first["generator"].items()}
+    shapes = {name: value.shape for name, value in checkpoint.averaged(first).items()}
     for path, other, states in loaded:
-        same = {n: v.shape for n, v in states.get("generator", {}).items()} == shapes
+        same = {n: v.shape for n, v in checkpoint.averaged(states).items()} == shapes
         if not same or orientation(other) != orientation(header):  # which the shapes do not tell
             got = f"{path} of another network than {parts[0][0]}"
             raise ModelError("weights of one network", got, "leave it out")
     shares = [share / total for _, share in parts]
     mean = {
-        name: weighted_mean([states["generator"][name] for _, _, states in loaded], shares)
+        name: weighted_mean([checkpoint.averaged(states)[name] for _, _, states in loaded], shares)
         for name in shapes
     }
     header = replace(header, best_score=float("inf"))
