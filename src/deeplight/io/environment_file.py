@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from deeplight.environment import Environment, Unit
 from deeplight.errors import ConfigError, ImageFileError, ShapeError
+from deeplight.io.boundary import reading
 from deeplight.io.image_file import opened
 from deeplight.io.lighting_file import (
     LATLONG_HEIGHT,
@@ -63,18 +64,19 @@ def read_environment(
         expected = "one file, or six faces +X -X +Y -Y +Z -Z"
         raise ConfigError(expected, f"{len(files)}", "name those")
     try:
-        if len(files) == 6:
-            radiance, unit, seen = *_six(files, made_for), None
-        elif files[0].suffix.lower() == ".json":
-            radiance, seen, unit = *_described(files[0]), "camera_white"
-        else:
-            radiance, unit, seen = *_one(files[0], mapping, made_for), None
-        if max_height is not None and len(radiance) > max_height:
-            radiance = shrink_latlong(radiance, max_height)
-        if seen is not None:
-            directions = latlong.directions(len(radiance), 2 * len(radiance))
-            seen = sample_latlong(seen[..., None], directions)[..., 0].clip(0, 1)
-        return Environment(radiance, seen, unit=unit)
+        with reading(files[0]):
+            if len(files) == 6:
+                radiance, unit, seen = *_six(files, made_for), None
+            elif files[0].suffix.lower() == ".json":
+                radiance, seen, unit = *_described(files[0]), "camera_white"
+            else:
+                radiance, unit, seen = *_one(files[0], mapping, made_for), None
+            if max_height is not None and len(radiance) > max_height:
+                radiance = shrink_latlong(radiance, max_height)
+            if seen is not None:
+                directions = latlong.directions(len(radiance), 2 * len(radiance))
+                seen = sample_latlong(seen[..., None], directions)[..., 0].clip(0, 1)
+            return Environment(radiance, seen, unit=unit)
     except ShapeError as error:
         raise ImageFileError(error.expected, f"{files[0]}, {error.got}", error.do) from error
 

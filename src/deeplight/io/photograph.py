@@ -8,6 +8,7 @@ from jaxtyping import Float32
 
 from deeplight.camera_response import decode
 from deeplight.errors import ImageFileError
+from deeplight.io.boundary import reads
 from deeplight.io.exif import upright
 from deeplight.io.image_file import first_bytes, opened, write_image
 from deeplight.io.photo_decoders import MAX_PHOTO_PIXELS, check_with_pillow
@@ -16,6 +17,7 @@ from deeplight.io.radiance import is_floating_point, read_radiance
 PHOTOGRAPH_SUFFIXES = frozenset(".bmp .exr .hdr .jpeg .jpg .png .tif .tiff .webp".split())
 
 
+@reads
 def read_photograph(path: Path | str, gamma: float) -> Float32[np.ndarray, "height width 3"]:
     """Read linear values, 1.0 = the largest an integer file can hold; upright.
 

@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 from jaxtyping import Float32
 
 from deeplight.errors import ImageFileError
+from deeplight.io.boundary import reads
 from deeplight.io.image_file import damaged, opened, write_image
 
 MAX_HDR_PIXELS = 16_384 * 8_192
@@ -18,6 +19,7 @@ FLOATING_POINT = ("half", "float", "double")
 NO_METADATA: Mapping[str, str | int | float] = MappingProxyType({})
 
 
+@reads
 def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
     """Read linear radiance as it is stored, in the file's own units, rows from the top.
 
