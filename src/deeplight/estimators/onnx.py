@@ -17,6 +17,7 @@ from deeplight.estimators.network import (
     refuse_other_sizes,
 )
 from deeplight.estimators.trial import try_once
+from deeplight.io.quiet import quiet
 
 # Protobuf writes an operator's name as its field, its length and its letters. Loops may have no
 # end, and onnxruntime runs those over constants while it loads; outside files may be any file.
@@ -97,7 +98,8 @@ def _open(path: Path, threads: int) -> ort.InferenceSession:
     # Threads that spin while they wait would keep whole cores busy between two photos.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
-        return ort.InferenceSession(content, options, ["CPUExecutionProvider"])
+        with quiet():  # it prints what it tries again
+            return ort.InferenceSession(content, options, ["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime has no common base class for its errors
         got = f"{path}, which onnxruntime cannot load"
         raise ModelError("an ONNX model", got, "give a .onnx file of deeplight") from error

@@ -94,7 +94,7 @@ def check_size(path: Path, width: int, height: int, max_pixels: int) -> None:
 
 def not_an_image(path: Path, reason: str) -> ImageFileError:
     """Make the error for a file that no decoder takes."""
-    reason = " ".join(reason.replace(str(path), "the file").split())[:160]
+    reason = _printable(" ".join(reason.replace(str(path), "the file").split()))[:160]
     got = f"{path}, which cannot be read ({reason})" if reason else f"{path}, which cannot be read"
     return ImageFileError("an image file", got, "check that it is a complete picture")
 
@@ -102,5 +102,10 @@ def not_an_image(path: Path, reason: str) -> ImageFileError:
 def damaged(path: Path, reason: str) -> ImageFileError:
     """Make the error for an image whose header is fine and whose pixels are not."""
     lines = reason.strip().splitlines() or ["decoding failed"]
-    got = f"{path}, truncated or damaged ({lines[0][:160]})"
+    got = f"{path}, truncated or damaged ({_printable(lines[0])[:160]})"
     return ImageFileError("a complete image file", got, "copy or download it again")
+
+
+def _printable(text: str) -> str:
+    """Spell out what a damaged header brought into a library's words."""
+    return text if text.isprintable() else ascii(text)[1:-1]
