@@ -12,7 +12,7 @@ from lab.fuzz.run import Case, damaged, fuzz
 from lab.fuzz.seeds import available
 
 SECONDS = 7.0
-PHOTOS = {"avif", "heic", "jp2", "png", "rgba.png", "palette.png", "gain.jpg"}
+PHOTOS = {"exr", "avif", "heic", "jp2", "png", "rgba.png", "palette.png", "gain.jpg"}
 SLOW = ("onnx",)  # each runs in a process of its own: see tests/unit/test_trial.py
 
 
