@@ -12,6 +12,7 @@ from deeplight.estimators.surroundings import adapted, smooth_map
 from deeplight.frames import normalised
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
+from deeplight.lobe import lobe_on_ball
 from deeplight.mappings import latlong, mirror_ball, resample
 
 HEIGHT = 128
@@ -81,6 +82,24 @@ def test_lamps_and_rest_are_the_estimate(estimate):
     (lamp,) = found.lamps
     off = np.degrees(np.arccos(lamp.direction @ normalised(np.array([0.6, 0.7, 0.4]))))
     assert off < 8
+
+
+def test_a_networks_own_lamps_are_taken_and_not_counted_twice(estimate):
+    """Two compact ones become lamps; a wide one stays in the map; the power is the estimate's."""
+    own = [
+        Lamp(normalised(np.array([0.7, 0.5, 0.6])), np.array([3.0, 2.5, 2.0]), 0.16),
+        Lamp(normalised(np.array([-0.7, 0.6, 0.3])), np.array([1.5, 1.5, 2.0]), 0.2),
+        Lamp(normalised(np.array([0.0, 0.2, 1.0])), np.array([2.0, 2.0, 2.0]), 0.5),
+    ]
+    ball = Lighting(0.2 * np.ones((32, 32, 3)) + sum(lobe_on_ball(lamp) for lamp in own))
+    found = find_lamps(ball, project_photo(photo(), plane_of(photo()), HEIGHT), own)
+    assert len(found.lamps) == 2
+    for lamp, given in zip(found.lamps, own, strict=False):
+        assert np.degrees(np.arccos(lamp.direction @ given.direction)) < 2
+        assert lamp.flux == pytest.approx(given.flux, rel=0.03)
+        assert lamp.angular_radius_rad == given.angular_radius_rad
+    whole = found.rest.power() + sum(lamp.flux for lamp in found.lamps) + flux_of(found.areas)
+    assert whole == pytest.approx(ball.power(), rel=1e-4)
 
 
 def test_even_light_has_no_lamp():

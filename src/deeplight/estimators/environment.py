@@ -1,5 +1,6 @@
 """One photo's environment: the photo where the camera looked, the network elsewhere, and lamps."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -55,7 +56,7 @@ def scene_light(estimate: Estimate, height: int = HEIGHT) -> SceneLight:
     pixels, fov = estimate.photo.pixels, estimate.framing.vertical_fov_rad
     height_px, width_px, _ = pixels.shape
     plane = ImagePlane.centred(height_px, width_px, fov)
-    return assemble(estimate.lighting, pixels, plane, height)
+    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps)
 
 
 def check_height(height: int) -> None:
@@ -71,6 +72,7 @@ def assemble(
     pixels: UInt8[np.ndarray, "rows columns 3"],
     plane: ImagePlane,
     height: int = HEIGHT,
+    lamps: Sequence[Lamp] = (),
 ) -> SceneLight:
     """Put a photo that fills `plane` into a light estimated from it.
 
@@ -83,9 +85,10 @@ def assemble(
         pixels: upright, gamma-encoded.
         plane: where they lie before the camera.
         height: rows of the panorama.
+        lamps: the network's own, which the estimate holds.
     """
     photo = project_photo(pixels, plane, height)
-    found = find_lamps(lighting, photo)
+    found = find_lamps(lighting, photo, lamps)
     around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
     rest = enlarged(adapted(around, photo.pixels, plane), height)
     box = photo.box

@@ -17,6 +17,7 @@ from deeplight.frames import normalised
 from deeplight.harmonics import dominant_light
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
+from deeplight.lobe import lobe_on_ball
 from deeplight.mappings import latlong, mirror_ball, resample
 
 CONE_RAD = float(np.radians(70))
@@ -30,6 +31,9 @@ ROUND = 0.6
 """And so does one that covers less than this of the disc of its own size."""
 CATCH_RAD = float(np.radians(30))
 """A clipped area takes the estimate's power from so far around: the ball is no sharper."""
+LARGEST_OWN_RAD = float(np.radians(15))
+"""A network's lamp wider than this is no compact light and stays in the map."""
+_LOBE_END = 1e-3  # of a lobe's peak: less is not worth a pixel
 MOST_LAMPS = 3
 LEAST_SHARE = 0.03
 """A light with less of the scene's luminous power stays in the map."""
@@ -38,47 +42,62 @@ _UNSEEN = 0.02  # where less than this of a texel is seen, the photo does not lo
 
 @dataclass(frozen=True, eq=False)
 class Excess:
-    """What an estimate has above its surroundings near its main direction, pixel by pixel.
+    """Light that stands out of an estimate, pixel by pixel of the ball, and what is left.
 
     Attributes:
         rest: the estimate without it.
         pixels: indices of the ball's pixels that have some.
         directions: of these.
         flux: RGB of each, radiance times sr; they sum to the power of the whole less the rest.
+        radius_rad: of the lamp that it becomes where nothing shows a size.
     """
 
     rest: Lighting
     pixels: Int[np.ndarray, " pixels"]
     directions: Float32[np.ndarray, "pixels 3"]
     flux: Float32[np.ndarray, "pixels 3"]
-
-    @property
-    def power(self) -> float:
-        """Luminous power of the whole estimate."""
-        return float((self.rest.power() + self.flux.sum(0)) @ LUMINANCE)
-
-    def with_returned(self, flux: Float32[np.ndarray, "pixels 3"]) -> Lighting:
-        """The rest with part of the excess put back where it was."""
-        solid_angle = mirror_ball.solid_angles(self.rest.size).reshape(-1, 1)[self.pixels]
-        radiance = self.rest.radiance.reshape(-1, 3).copy()
-        radiance[self.pixels] += (flux / solid_angle).astype(np.float32)
-        return Lighting(radiance.reshape(self.rest.radiance.shape))
+    radius_rad: float
 
 
 def excess_of(lighting: Lighting) -> Excess:
     """Take out of an estimate what exceeds its own median around its main direction."""
     directions = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)
-    solid_angle = mirror_ball.solid_angles(lighting.size).reshape(-1, 1)
+    lit = mirror_ball.solid_angles(lighting.size).ravel() > 0
     radiance = lighting.radiance.reshape(-1, 3)
     away = np.arccos((directions @ dominant_light(lighting).direction).clip(-1, 1))
-    near = (away < CONE_RAD) & (solid_angle[:, 0] > 0)
+    near = (away < CONE_RAD) & lit
     # A hard end of the cone would show as an edge in the map.
     fade = smoothstep((CONE_RAD - away) / _CONE_EDGE_RAD)[:, None] * near[:, None]
     above = np.maximum(radiance - np.median(radiance[near], 0), 0) * fade
-    rest = Lighting((radiance - above).reshape(lighting.radiance.shape))
-    pixels = np.flatnonzero(above.max(1) > 0)
-    flux = (above * solid_angle)[pixels].astype(np.float32)
-    return Excess(rest, pixels, directions[pixels].astype(np.float32), flux)
+    return _taken_out(lighting, above, LAMP_RADIUS_RAD)
+
+
+def lobe_of(lighting: Lighting, lamp: Lamp) -> Excess:
+    """Take out of an estimate one of the network's own lamps, which the estimate holds."""
+    lobe = lobe_on_ball(lamp, lighting.size).reshape(-1, 3)
+    lobe = np.minimum(lobe, lighting.radiance.reshape(-1, 3))
+    lobe[lobe.max(1) < _LOBE_END * lobe.max()] = 0
+    return _taken_out(lighting, lobe, lamp.angular_radius_rad)
+
+
+def _taken_out(
+    lighting: Lighting, radiance: Float[np.ndarray, "pixels 3"], radius_rad: float
+) -> Excess:
+    rest = Lighting(lighting.radiance - radiance.reshape(lighting.radiance.shape))
+    pixels = np.flatnonzero(radiance.max(1) > 0)
+    directions = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)[pixels]
+    solid_angle = mirror_ball.solid_angles(lighting.size).reshape(-1, 1)[pixels]
+    flux = (radiance[pixels] * solid_angle).astype(np.float32)
+    return Excess(rest, pixels, directions.astype(np.float32), flux, radius_rad)
+
+
+def _put_back(
+    lighting: Lighting, pixels: Int[np.ndarray, " pixels"], flux: Float32[np.ndarray, "pixels 3"]
+) -> Lighting:
+    solid_angle = mirror_ball.solid_angles(lighting.size).reshape(-1, 1)[pixels]
+    radiance = lighting.radiance.reshape(-1, 3).copy()
+    radiance[pixels] += (flux / solid_angle).astype(np.float32)
+    return Lighting(radiance.reshape(lighting.radiance.shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,31 +201,53 @@ class FoundLamps:
     rest: Lighting
 
 
-def find_lamps(lighting: Lighting, photo: ProjectedPhoto) -> FoundLamps:
+def find_lamps(lighting: Lighting, photo: ProjectedPhoto, own: Sequence[Lamp] = ()) -> FoundLamps:
     """Place what stands out of an estimate: on what the photo shows clipped near it, and elsewhere.
 
-    Elsewhere it is one lamp outside the photo, if it holds a fair share of the power.
+    Elsewhere it is a lamp outside the photo, if it holds a fair share of the power.
+
+    Args:
+        lighting: the estimate.
+        photo: projected.
+        own: the network's lamps, which the estimate holds; those wider than `LARGEST_OWN_RAD` stay
+            in the map. A network without lamps has one taken out of its estimate.
     """
-    excess = excess_of(lighting)
+    parts = _parts(lighting, own)
+    rest = parts[-1].rest if parts else lighting
+    least = LEAST_SHARE * float(lighting.power() @ LUMINANCE)
     shown = clipped_areas(photo.clipped.max(-1) * (photo.seen > 0.5))
-    nearest = _nearest_area(excess, shown)
-    free = np.where(nearest[:, None] < 0, excess.flux, 0).astype(np.float32)
-    lamps = []
-    if float(free.sum(0) @ LUMINANCE) > LEAST_SHARE * excess.power:
-        lamps.append(Lamp(_unseen_direction(excess, free, photo), free.sum(0), LAMP_RADIUS_RAD))
-        free = np.zeros_like(free)
+    lamps, fluxes = [], np.zeros((len(shown), 3))
+    for part in parts:
+        nearest = _nearest_area(part, shown)
+        for number in range(len(shown)):
+            fluxes[number] += part.flux[nearest == number].sum(0)
+        free = np.where(nearest[:, None] < 0, part.flux, 0).astype(np.float32)
+        if float(free.sum(0) @ LUMINANCE) > least:
+            lamps.append(Lamp(_unseen_direction(part, free, photo), free.sum(0), part.radius_rad))
+        else:
+            rest = _put_back(rest, part.pixels, free)
     areas = np.zeros_like(photo.radiance)
-    fluxes = [excess.flux[nearest == number].sum(0) for number in range(len(shown))]
-    for number in sorted(range(len(shown)), key=lambda i: -float(fluxes[i] @ LUMINANCE)):
-        area, flux = shown[number], fluxes[number]
-        strong = float(flux @ LUMINANCE) > LEAST_SHARE * excess.power and len(lamps) < MOST_LAMPS
+    for number in np.argsort(-(fluxes @ LUMINANCE)):
+        area, flux = shown[number], fluxes[number].astype(np.float32)
+        strong = float(flux @ LUMINANCE) > least and len(lamps) < MOST_LAMPS
         lamp = area.lamp(flux) if strong else None
         if lamp is not None:
             lamps.append(lamp)
         else:
-            areas[area.mask] += (flux / area.solid_angle).astype(np.float32)
+            areas[area.mask] += flux / np.float32(area.solid_angle)
     lamps.sort(key=lambda lamp: -lamp.luminous_flux)
-    return FoundLamps(tuple(lamps), areas, excess.with_returned(free))
+    return FoundLamps(tuple(lamps), areas, rest)
+
+
+def _parts(lighting: Lighting, own: Sequence[Lamp]) -> list[Excess]:
+    """What stands out, one after the other; the last one's rest is without them all."""
+    if not own:
+        return [excess_of(lighting)]
+    parts: list[Excess] = []
+    for lamp in own:
+        if lamp.angular_radius_rad <= LARGEST_OWN_RAD and len(parts) < MOST_LAMPS:
+            parts.append(lobe_of(parts[-1].rest if parts else lighting, lamp))
+    return parts
 
 
 def _nearest_area(excess: Excess, areas: Sequence[ClippedArea]) -> Int[np.ndarray, " pixels"]:

@@ -15,6 +15,7 @@ from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.onnx import shipped_model
 from deeplight.estimators.open import ClassEstimator, open_model
 from deeplight.io.photo_like import PhotoLike
+from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
 from deeplight.preprocess import frame_photo, network_input
 
@@ -53,10 +54,19 @@ class NamedModel:
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
     ) -> Float32[np.ndarray, "batch size size 3"]:
         """Give ln radiance for the data set's pictures, in [-0.5, 0.5]."""
+        return self.network.estimate_inputs(self._own_views(inputs))
+
+    def estimate_with_lamps(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> tuple[Float32[np.ndarray, "batch size size 3"], list[tuple[Lamp, ...]]]:
+        """The same with the network's lamps, which the ln radiance holds."""
+        return self.network.estimate_with_lamps(self._own_views(inputs))
+
+    def _own_views(self, inputs: Float32[np.ndarray, "batch 3 height width"]) -> np.ndarray:
         contract = self.network.contract
-        if inputs.shape[2:] != (contract.height, contract.width):
-            inputs = np.stack([_own_view(picture, contract) for picture in inputs])
-        return self.network.estimate_inputs(inputs)
+        if inputs.shape[2:] == (contract.height, contract.width):
+            return inputs
+        return np.stack([_own_view(picture, contract) for picture in inputs])
 
 
 def named_models(given: Sequence[str]) -> list[NamedModel]:

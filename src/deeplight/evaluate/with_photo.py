@@ -42,9 +42,10 @@ class WithPhoto:
             raise ConfigError(expected, got, "measure without the photo")
         levels: Int64[np.ndarray, "batch 3 height width"] = np.round((inputs + 0.5) * 255)
         pictures = levels.transpose(0, 2, 3, 1).astype(np.uint8)
+        answers, lamps = self._network.estimate_with_lamps(inputs)
         balls = [
-            assemble(Lighting.from_log_radiance(answer), picture, self._plane, HEIGHT)
-            for answer, picture in zip(self._network.estimate_inputs(inputs), pictures, strict=True)
+            assemble(Lighting.from_log_radiance(answer), picture, self._plane, HEIGHT, own)
+            for answer, picture, own in zip(answers, pictures, lamps, strict=True)
         ]
         radiance = np.stack([scene.environment.lighting.radiance for scene in balls])
         return np.log(np.maximum(radiance, DARKEST)).astype(np.float32)

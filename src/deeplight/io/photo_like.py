@@ -4,6 +4,7 @@ Files, bytes and Pillow's images go through `io.photos`, so that orientation, fi
 transparency and colour are decided in one place.
 """
 
+from functools import partial
 from io import BufferedIOBase, RawIOBase
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,8 +23,12 @@ width), (height, width, 1), RGB or RGBA, uint8, uint16 or float in [0, 1], gamma
 tensor of such pixels, (channels, height, width)."""
 
 
-def as_photo(photo: Any) -> Photo:
+def as_photo(photo: Any, max_side: int | None = None) -> Photo:
     """Bring a `PhotoLike` to an upright 8-bit RGB `Photo`.
+
+    Args:
+        photo: it.
+        max_side: for files: so many pixels along the longer side do; see `read_photo`.
 
     Raises:
         OSError: there is no such file, it is a folder, or reading it is not permitted.
@@ -32,16 +37,16 @@ def as_photo(photo: Any) -> Photo:
     if isinstance(photo, Photo):
         return photo
     if isinstance(photo, str | Path):
-        return read_photo(photo)
+        return read_photo(photo, max_side)
     if isinstance(photo, Image.Image):
         return photo_of_pillow(photo)
     if isinstance(photo, bytes | bytearray | memoryview):
-        return _of_bytes(bytes(photo))
+        return _of_bytes(bytes(photo), max_side)
     if isinstance(photo, RawIOBase | BufferedIOBase) or hasattr(photo, "read"):
         content = photo.read()
         if not isinstance(content, bytes):
             raise _unusable("a file opened in binary mode", "text", 'open it with "rb"')
-        return _of_bytes(content)
+        return _of_bytes(content, max_side)
     if type(photo).__module__.split(".")[0] == "torch":
         photo = _of_tensor(photo)
     if isinstance(photo, np.ndarray):
@@ -51,12 +56,12 @@ def as_photo(photo: Any) -> Photo:
     raise _unusable("a path, bytes, an open file, a Pillow image or pixels", _kind(photo))
 
 
-def _of_bytes(content: bytes) -> Photo:
+def _of_bytes(content: bytes, max_side: int | None) -> Photo:
     """Read a file that is in memory; the readers know files by their content, not by their name."""
     with TemporaryDirectory(prefix="deeplight-") as folder:
         path = Path(folder) / "photo"
         path.write_bytes(content)
-        return _nameless(path, read_photo)
+        return _nameless(path, partial(read_photo, max_side=max_side))
 
 
 def _nameless(path: Path, read: Any) -> Photo:
