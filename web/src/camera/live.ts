@@ -1,9 +1,8 @@
 /** The phone's camera: opened on demand, off while the page is hidden. */
 import { type Frame, frameOfVideo } from "deeplight/core";
 import { Failure, type FailureKind } from "../failure.ts";
+import type { Facing } from "../sensors/orientation.ts";
 import type { Picture } from "./picture.ts";
-
-export type Facing = "environment" | "user";
 
 const FAILURES: Record<string, FailureKind> = {
   NotAllowedError: "denied",

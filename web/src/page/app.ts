@@ -8,11 +8,11 @@ import {
   type Matrix3x3,
   Smoother,
 } from "deeplight/core";
-import { type Facing, hasSeveralCameras, LiveCamera } from "../camera/live.ts";
+import { hasSeveralCameras, LiveCamera } from "../camera/live.ts";
 import { Photo } from "../camera/photo.ts";
 import type { Picture } from "../camera/picture.ts";
 import { Failure } from "../failure.ts";
-import { OrientationSensor } from "../sensors/orientation.ts";
+import { type Facing, OrientationSensor } from "../sensors/orientation.ts";
 import { worldFromCamera } from "../sensors/pose.ts";
 import { verticalFov } from "../view/fit.ts";
 import { Gestures } from "../view/gestures.ts";

@@ -1,9 +1,11 @@
 /** Where the camera looks, from the phone's orientation sensors. */
 
 import { type Matrix3x3, product } from "deeplight/core";
-import type { Facing } from "../camera/live.ts";
 import { Failure } from "../failure.ts";
 import { rotation } from "./pose.ts";
+
+/** Which way a phone's camera looks: away from the user, or at them. */
+export type Facing = "environment" | "user";
 
 /** Angles of a DeviceOrientationEvent, in degrees. */
 export interface DeviceAngles {

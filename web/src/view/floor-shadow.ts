@@ -16,6 +16,7 @@ import {
   HalfFloatType,
   InstancedBufferAttribute,
   InstancedBufferGeometry,
+  LessDepth,
   Mesh,
   type Object3D,
   OneFactor,
@@ -129,6 +130,7 @@ export class FloorShadow {
       blendSrc: OneFactor,
       blendDst: OneFactor,
       transparent: true,
+      depthFunc: LessDepth, // what lies behind in the same direction blocks nothing more
     });
     object.updateMatrixWorld(true);
     object.traverse((part) => {
