@@ -16,11 +16,14 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from deeplight.camera_response import CameraResponse
+    from deeplight.compose.photo import compose_photo
     from deeplight.edit import Edit
     from deeplight.environment import Environment
     from deeplight.errors import DeepLightError, InputError
     from deeplight.estimators.estimate import estimate, estimate_many, load_estimator
+    from deeplight.evaluate.command import evaluate_models
     from deeplight.formats.convert import convert
+    from deeplight.fuse.fuse import fuse_views
     from deeplight.harmonics import dominant_light, spherical_harmonics
     from deeplight.io.environment_file import read_environment
     from deeplight.lighting import Lighting
@@ -38,10 +41,13 @@ _HOME = {
     "Lighting": "lighting",
     "PAPER_RIG": "sphere",
     "analytic_basis": "reflectance",
+    "compose_photo": "compose.photo",
     "convert": "formats.convert",
     "dominant_light": "harmonics",
     "estimate": "estimators.estimate",
     "estimate_many": "estimators.estimate",
+    "evaluate_models": "evaluate.command",
+    "fuse_views": "fuse.fuse",
     "light_from_spheres": "solve",
     "load_estimator": "estimators.estimate",
     "read_environment": "io.environment_file",
@@ -58,10 +64,13 @@ __all__ = [
     "Lighting",
     "PAPER_RIG",
     "analytic_basis",
+    "compose_photo",
     "convert",
     "dominant_light",
     "estimate",
     "estimate_many",
+    "evaluate_models",
+    "fuse_views",
     "light_from_spheres",
     "load_estimator",
     "read_environment",

@@ -135,3 +135,17 @@ def test_an_own_class_estimates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     for wrong in ("own_light:Light", "no_such_module:Dark", "own_light:zeros"):
         with pytest.raises(deeplight.InputError, match="estimator's class"):
             deeplight.load_estimator(wrong)
+
+
+def test_photos_compose_and_fuse_through_public_names(tmp_path: Path) -> None:
+    pytest.importorskip("mitsuba")
+    from deeplight.compose.compose import Settings
+    from deeplight.compose.trace import Quality
+
+    photo = np.full((96, 64, 3), 120, np.uint8)
+    light = deeplight.estimate(photo, 66, height=64)
+    quick = Settings(quality=Quality(4, 4, 100))
+    composed = deeplight.compose_photo(photo, ["sphere"], light, settings=quick)
+    changed = (composed.composite.pixels != photo).any(-1)
+    assert 0 < changed.mean() < 0.9
+    assert any("assumed" in note for note in composed.notes)

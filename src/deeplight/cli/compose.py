@@ -13,6 +13,7 @@ from tyro import conf
 if TYPE_CHECKING:
     from deeplight.compose.compose import Item, Settings
     from deeplight.compose.gravity import CameraPlacement
+    from deeplight.environment import Environment
 
 PICTURES = (".png", ".jpg", ".jpeg")
 
@@ -88,31 +89,20 @@ def run(args: Args) -> None:
 
 def _compose_photo(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
     from deeplight.cli.screen import progress_bar
-    from deeplight.compose.compose import compose
     from deeplight.compose.composite import write_layers
-    from deeplight.compose.gravity import viewpoint_of
-    from deeplight.estimators.environment import scene_light
-    from deeplight.estimators.onnx import OnnxEstimator
+    from deeplight.compose.photo import compose_photo
     from deeplight.io.atomic import replacing
-    from deeplight.io.photos import encode_jpeg, encode_png, read_photo
+    from deeplight.io.photos import encode_jpeg, encode_png
 
-    photo, estimator, light = read_photo(args.photo), OnnxEstimator(), _light(args)
-    if light is None:
-        estimate = estimator.explain(photo, args.fov)
-        light = scene_light(estimate).environment.radiance
-        framing, notes = estimate.framing, estimate.notes
-    else:
-        framing, notes = estimator.frame(photo, args.fov), photo.notes
-    viewpoint, assumed = viewpoint_of(photo.source, framing, _placement(args))
     with progress_bar("rendering") as bar:
-        composed = compose(
-            photo.pixels,
-            light * _gain(args),
-            viewpoint,
+        composed = compose_photo(
+            args.photo,
             items,
-            _settings(args),
-            framing.bottom,
-            bar.reach,
+            _light(args),
+            placement=_placement(args),
+            settings=_settings(args),
+            stops=args.stops,
+            progress=bar.reach,
         )
     pixels = composed.composite.pixels
     encode = encode_png if args.out.suffix.lower() == ".png" else encode_jpeg
@@ -120,7 +110,7 @@ def _compose_photo(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
         temporary.write_bytes(encode(pixels))
     if args.layers is not None:
         write_layers(args.layers, composed.composite.layers, *pixels.shape[:2])
-    return (*notes, *assumed, *composed.notes)
+    return composed.notes
 
 
 def _compose_video(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
@@ -129,7 +119,7 @@ def _compose_video(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
     from deeplight.cli.screen import progress_bar
     from deeplight.compose.video import FRAME, compose_video
 
-    settings = _settings(args)
+    settings, light = _settings(args), _light(args)
     if args.quality == "preview":
         settings = replace(settings, quality=FRAME)
     with progress_bar("composing") as bar:
@@ -139,8 +129,8 @@ def _compose_video(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
             items,
             settings,
             _placement(args),
-            _light(args),
-            float(_gain(args)),
+            None if light is None else light.radiance,
+            2.0**args.stops,
             bar.reach,
         )
 
@@ -197,20 +187,14 @@ def _placement(args: Args) -> "CameraPlacement":
     return CameraPlacement(args.camera_height, args.pitch, args.roll, args.fov)
 
 
-def _light(args: Args) -> Any:
-    """The given light as a latlong whose centre is the photo's view; None to estimate it."""
+def _light(args: Args) -> "Environment | None":
+    """The given light, whose centre is the photo's view; None to estimate it."""
     from deeplight.compose.trace import LIGHT_HEIGHT
     from deeplight.io.environment_file import read_environment
 
     if args.light is None:
         return None
-    return read_environment(args.light, max_height=LIGHT_HEIGHT).radiance
-
-
-def _gain(args: Args) -> Any:
-    import numpy as np
-
-    return np.float32(2.0**args.stops)
+    return read_environment(args.light, max_height=LIGHT_HEIGHT)
 
 
 def _check_names(args: Args, video: bool) -> None:

@@ -64,6 +64,39 @@ def opened(
     return data.with_bases(bases) if bases else data
 
 
+def evaluate_models(
+    data: DataSet | Path | str,
+    models: Sequence[str | Path] = (),
+    split: str | Sequence[str] = "val",
+    *,
+    panoramas: Sequence[str] = (),
+    at_most: int | None = None,
+    progress: Callable[[int], None] = lambda examples: None,
+) -> Evaluation:
+    """Measure models and other methods on a data set, next to trivial baselines.
+
+    Args:
+        data: folder, address or `DataSet`.
+        models: .onnx or .tflite files, NAME=FILE, package.module:Class, or folders of training
+            runs; none: the shipped model.
+        split: of the data set, or a group of its splits (val, test, seen), or several.
+        panoramas: other methods by their answers: NAME=FOLDER of HDR panoramas named by key.
+        at_most: only this number of examples of each split, evenly spread.
+        progress: called with the number of examples finished since the last call.
+
+    Returns:
+        `.results`: for each split the scores, summaries with intervals over places, and tables;
+        `deeplight.evaluate.files.write_files` writes the report.
+
+    Raises:
+        InputError: the data set, a model or a split cannot be used.
+    """
+    chosen = data if isinstance(data, DataSet) else opened(data)
+    splits = (split,) if isinstance(split, str) else tuple(split)
+    names = [str(model) for model in models]
+    return evaluation(Wanted(chosen, splits, names, panoramas, at_most), progress=progress)
+
+
 def evaluation(
     wanted: Wanted,
     stage: Callable[[str, int | None], None] = lambda text, total: None,

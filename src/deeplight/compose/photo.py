@@ -1,0 +1,63 @@
+"""Objects into a photo in one call: read it, estimate its light, stand them there."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from deeplight.compose.compose import Composed, Item, Settings, compose
+from deeplight.compose.gravity import CameraPlacement, viewpoint_of
+from deeplight.compose.trace import Progress
+from deeplight.environment import Environment
+from deeplight.estimators.environment import scene_light
+from deeplight.estimators.estimate import load_estimator
+from deeplight.io.photo_like import as_photo
+
+
+def compose_photo(
+    photo: Any,
+    objects: Sequence[Item | str] = ("bunny",),
+    light: Environment | None = None,
+    *,
+    placement: CameraPlacement | None = None,
+    settings: Settings | None = None,
+    stops: float = 0.0,
+    progress: Progress = lambda done, total: None,
+) -> Composed:
+    """Put objects into a photo, lit by its own light, with their shadow on its own surface.
+
+    Args:
+        photo: as `estimate` takes it; nothing may stand in the way.
+        objects: "bunny", "sphere", "pot", a .glb, .gltf, .obj or .ply file, or `Item`s, which say
+            material, place, size and turn.
+        light: left out, what `estimate` gives for the photo.
+        placement: what is known of how the camera stood; the rest is looked for in EXIF data.
+        settings: how to render; left out, a preview.
+        stops: make the light brighter by this number of doublings.
+        progress: called with (rays done, rays in all).
+
+    Returns:
+        `.composite.pixels` is the picture, `.composite.layers` objects, shadow and cover apart,
+        `.notes` what was assumed.
+
+    Raises:
+        InputError: the photo, an object or its place cannot be used.
+        OSError: a file cannot be read.
+        ModuleNotFoundError: the extra `render` is not installed.
+    """
+    opened, network = as_photo(photo), load_estimator()
+    where = placement or CameraPlacement()
+    if light is None:
+        estimate = network.explain(opened, where.fov_deg)
+        light, framing = scene_light(estimate).environment, estimate.framing
+        notes = estimate.notes
+    else:
+        framing, notes = network.frame(opened, where.fov_deg), opened.notes
+    viewpoint, assumed = viewpoint_of(opened.source, framing, where)
+    items = [Item(given) if isinstance(given, str) else given for given in objects]
+    radiance = light.radiance * np.float32(2.0**stops)
+    composed = compose(
+        opened.pixels, radiance, viewpoint, items, settings or Settings(), framing.bottom, progress
+    )
+    return replace(composed, notes=(*notes, *assumed, *composed.notes))

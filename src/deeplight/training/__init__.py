@@ -1,0 +1,1 @@
+"""Training: networks, their losses, data loading, devices, the loop, presets."""
