@@ -31,11 +31,13 @@ from deeplight.evaluate import scores as scoring
 from deeplight.evaluate.baselines.baseline import ConstantLighting
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for
 from deeplight.evaluate.figures.spheres import answer_column, filmed_column
+from deeplight.evaluate.leaderboard import read_leaderboard
 from deeplight.evaluate.panorama_estimates import panorama_estimates
 from deeplight.frames import world_from_camera
 from deeplight.io.basis_file import save_bases
 from deeplight.io.photos import decode_rgb, encode_jpeg
 from deeplight.io.radiance import write_exr
+from deeplight.lamp import Lamp
 from deeplight.reflectance import ReflectanceBasis, analytic_basis, rig_bases
 from deeplight.solve import SphereCounts, solve_constant
 from deeplight.sphere import PAPER_RIG
@@ -112,6 +114,9 @@ class Knowing(OnnxEstimator):
         self.batches.append(len(inputs))
         values = np.round((inputs.mean((1, 2, 3)) + 0.5) * 255).astype(int)
         return np.stack([log_light(value) for value in values])
+
+    def estimate_with_lamps(self, inputs: np.ndarray) -> tuple[np.ndarray, list[tuple[Lamp, ...]]]:
+        return self.estimate_inputs(inputs), [()] * len(inputs)
 
 
 def mean_l1(report: scoring.Report, name: str) -> float:
@@ -330,6 +335,30 @@ def test_several_models_splits_and_other_methods_stand_in_one_report(
         "val_outdoor",
         "val",
     ]
+
+
+@pytest.mark.usefixtures("knowing")
+def test_a_leaderboard_grows_and_catches_numbers_that_do_not_come_again(
+    data: DataSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = tmp_path / "board.json"
+    args = command.Args(str(data.folder), ("val_outdoor",), examples=4, leaderboard=board)
+    command.run(args)
+    assert "0 verified, 1 added" in capsys.readouterr().out
+    written = board.read_bytes()
+    command.run(args)
+    assert "1 verified, 0 added" in capsys.readouterr().out
+    assert board.read_bytes() == written
+    command.run(replace(args, split=("val_indoor",)))
+    assert [entry.split for entry in read_leaderboard(board)] == ["val_outdoor", "val_indoor"]
+    values = json.loads(board.read_text())
+    values["entries"][0]["numbers"]["l1_diffuse"][0] *= 0.9
+    board.write_text(json.dumps(values))
+    with pytest.raises(DataSetError, match=r"l1_diffuse .* where board\.json says"):
+        command.run(args)
+    board.write_text("{}")
+    with pytest.raises(DataSetError, match="a leaderboard in"):
+        command.run(args)
 
 
 @pytest.mark.usefixtures("knowing")

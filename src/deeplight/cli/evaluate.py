@@ -32,6 +32,8 @@ class Args:
     """Measured reflectance bases of the spheres; left out, the data set's bases.npz or analytic."""
     out: Path | None = None
     """Folder for the report and all files."""
+    leaderboard: Path | None = None
+    """File to append the models' results to; those in it already are verified."""
     examples: int | None = None
     """Measure only so many examples of each split, evenly spread."""
     three_spheres: bool = False
@@ -66,6 +68,11 @@ def run(args: Args) -> None:
         check_can_write(args.out)
         found = measured(wanted)
         rich.print(*(table for result in found.results for table in all_tables(result)))
+        if args.leaderboard is not None:
+            from deeplight.evaluate.leaderboard import update_leaderboard
+
+            both = update_leaderboard(args.leaderboard, found.results, data, found.models)
+            rich.print("{}: {} verified, {} added".format(args.leaderboard, *map(len, both)))
         if args.out is not None:
             write_files(args.out, found.results, data, found.models)
             rich.print(f"look at {args.out / 'report.html'}")

@@ -18,7 +18,8 @@ def write_answers(
 ) -> int:
     """Answer every example from its landscape view (section 4.3); give how many there are.
 
-    Panoramas are in the camera's frame, so no elevation goes with them.
+    Panoramas are taken as the camera's frame, so no elevation goes with them: Hold-Geoffroy 2017 is
+    turned by the elevation it predicts, Gardner 2017 predicts none and stays upright (section 4.3).
 
     Raises:
         DataSetError: no such split, or an example cannot be read.
