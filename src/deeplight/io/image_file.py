@@ -8,6 +8,7 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import OpenImageIO as oiio
@@ -17,6 +18,9 @@ from deeplight.io.atomic import replacing
 
 MAX_SIDE = 30_000
 """Longest side in pixels that is read; longer ones are mistakes or attacks."""
+
+
+_XYZ, _RGB = b"32-bit_rle_xyze", b"32-bit_rle_rgbe"  # of Radiance's FORMAT line
 
 
 def first_bytes(path: Path, count: int = 16) -> bytes:
@@ -44,22 +48,42 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
         OSError: there is no such file, it is a folder, or reading it is not permitted.
         ImageFileError: not an image, a damaged header, or more than `max_pixels` or `MAX_SIDE`.
     """
-    first_bytes(path)
+    with _openable(path, first_bytes(path, 4096)) as name:
+        straight_alpha = oiio.ImageSpec()
+        straight_alpha.attribute("oiio:UnassociatedAlpha", 1)
+        file = oiio.ImageInput.open(name, straight_alpha)
+        if file is None:
+            raise not_an_image(path, oiio.geterror())
+        try:
+            check_size(path, file.spec().width, file.spec().height, max_pixels)
+            yield file
+        finally:
+            file.close()
+
+
+@contextmanager
+def _openable(path: Path, start: bytes) -> Iterator[str]:
+    """A name by which OpenImageIO can read the file: it takes UTF-8 and RGBE alone."""
+    is_xyz = start.startswith(b"#?") and _XYZ in start
+    if _is_utf8(path) and not is_xyz:
+        yield str(path)
+        return
+    with TemporaryDirectory(prefix="deeplight-") as folder:
+        suffix = path.suffix if _is_utf8(Path(path.suffix)) else ""
+        stand_in = Path(folder) / f"picture{suffix}"
+        if is_xyz:  # the same bytes, whose meaning `io.radiance` knows from the file itself
+            stand_in.write_bytes(path.read_bytes().replace(_XYZ, _RGB, 1))
+        else:
+            stand_in.symlink_to(path.absolute())
+        yield str(stand_in)
+
+
+def _is_utf8(path: Path) -> bool:
     try:
-        name = os.fsencode(path).decode("utf-8")
-    except UnicodeDecodeError as error:
-        got = f"{ascii(str(path))}, whose name is not UTF-8"
-        raise ImageFileError("an image file", got, "rename it") from error
-    straight_alpha = oiio.ImageSpec()
-    straight_alpha.attribute("oiio:UnassociatedAlpha", 1)
-    file = oiio.ImageInput.open(name, straight_alpha)
-    if file is None:
-        raise not_an_image(path, oiio.geterror())
-    try:
-        check_size(path, file.spec().width, file.spec().height, max_pixels)
-        yield file
-    finally:
-        file.close()
+        os.fsencode(path).decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def write_image(path: Path, spec: oiio.ImageSpec, pixels: np.ndarray) -> None:

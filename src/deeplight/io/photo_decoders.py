@@ -30,7 +30,7 @@ from deeplight.io.colour_profile import LookUpProfile, from_icc
 from deeplight.io.exif import Exif, exif_of_pillow
 from deeplight.io.heif_boxes import HeifHeader, read_header
 from deeplight.io.image_file import check_size, damaged, first_bytes, not_an_image, opened
-from deeplight.io.radiance import is_floating_point, read_radiance
+from deeplight.io.radiance import is_floating_point, orientation_of, read_radiance
 from deeplight.io.raw import develop, is_raw
 
 MAX_PHOTO_PIXELS = 100_000_000
@@ -116,7 +116,10 @@ def stored_of_pillow(picture: Image.Image, cicp: tuple[int, int] | None = None) 
         cicp: H.273's primaries and transfer, where its file names them.
     """
     exif = exif_of_pillow(picture.getexif)
-    conversion, notes = _colours(cicp, picture.info.get("icc_profile"))
+    profile = picture.info.get("icc_profile")
+    conversion, notes = _colours(cicp, profile)
+    if exif.is_adobe_rgb and not profile and cicp is None:
+        conversion = ADOBE
     if isinstance(conversion, LookUpProfile) and conversion.mode == picture.mode:
         return Stored(conversion.picture(picture), exif, _notes(conversion))
     mode = "RGBA" if picture.has_transparency_data else "RGB"
@@ -178,8 +181,9 @@ def _decode(path: Path, start: bytes) -> Stored:
     facts = check_with_pillow(path, start)
     with opened(path, MAX_PHOTO_PIXELS) as file:
         if is_floating_point(file):
-            pixels = _encode_radiance(read_radiance(file, path))
-            return Stored(pixels, _exif(file.spec()), ("scene-linear file: 1.0 taken as white",))
+            pixels = _encode_radiance(read_radiance(file, path, MAX_PHOTO_PIXELS))
+            exif = replace(_exif(file.spec()), orientation=orientation_of(file, path))
+            return Stored(pixels, exif, ("scene-linear file: 1.0 taken as white",))
         conversion, notes = _conversion(file.spec(), facts, path)
         if isinstance(conversion, LookUpProfile) and conversion.mode in ("CMYK", "LAB"):
             with Image.open(path) as picture:

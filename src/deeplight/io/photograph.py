@@ -12,7 +12,7 @@ from deeplight.io.boundary import reads
 from deeplight.io.exif import upright
 from deeplight.io.image_file import first_bytes, opened, write_image
 from deeplight.io.photo_decoders import MAX_PHOTO_PIXELS, check_with_pillow
-from deeplight.io.radiance import is_floating_point, read_radiance
+from deeplight.io.radiance import is_floating_point, orientation_of, read_radiance
 
 PHOTOGRAPH_SUFFIXES = frozenset(".bmp .exr .hdr .jpeg .jpg .png .tif .tiff .webp".split())
 
@@ -30,8 +30,8 @@ def read_photograph(path: Path | str, gamma: float) -> Float32[np.ndarray, "heig
     path = Path(path)
     check_with_pillow(path, first_bytes(path))  # libpng tells of damage on stderr otherwise
     with opened(path, MAX_PHOTO_PIXELS) as file:
-        values = read_radiance(file, path)
-        turned = upright(values, file.spec().get_int_attribute("Orientation", 1))
+        values = read_radiance(file, path, MAX_PHOTO_PIXELS)
+        turned = upright(values, orientation_of(file, path))
         if not is_floating_point(file) and gamma != 1:
             turned = decode(turned, gamma)
         return np.ascontiguousarray(turned, np.float32)

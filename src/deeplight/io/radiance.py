@@ -1,6 +1,7 @@
 """Read and write radiance: OpenEXR, Radiance .hdr and floating-point TIFF."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,21 +11,47 @@ from jaxtyping import Float32
 
 from deeplight.errors import ImageFileError
 from deeplight.io.boundary import reads
-from deeplight.io.image_file import damaged, opened, write_image
+from deeplight.io.colour import (
+    ACES_AP0,
+    ACES_AP1,
+    ADOBE_RGB,
+    BT2020,
+    CIE_XYZ,
+    CIE_XYZ_D65,
+    DISPLAY_P3,
+    Matrix,
+    bt709_from_primaries,
+)
+from deeplight.io.colour_profile import bt709_from_icc
+from deeplight.io.exif import upright
+from deeplight.io.image_file import check_size, damaged, opened, write_image
+from deeplight.io.radiance_header import read_radiance_header
+from deeplight.io.radiance_layers import choose_layer
 
 MAX_HDR_PIXELS = 16_384 * 8_192
 """Largest panorama that is read: "16k", which takes 1.6 GB."""
 
 FLOATING_POINT = ("half", "float", "double")
+NAMED_SPACES = {  # of OpenEXR's attribute colorInteropID, by the Color Interop Forum
+    "lin_ap0_scene": ACES_AP0,
+    "lin_ap1_scene": ACES_AP1,
+    "lin_adobergb_scene": ADOBE_RGB,
+    "lin_ciexyzd65_scene": CIE_XYZ_D65,
+    "lin_p3d65_scene": DISPLAY_P3,
+    "lin_rec2020_scene": BT2020,
+}
 NO_METADATA: Mapping[str, str | int | float] = MappingProxyType({})
 
 
 @reads
 def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
-    """Read linear radiance as it is stored, in the file's own units, rows from the top.
+    """Read linear radiance upright, in the file's own units and sRGB's primaries.
 
-    Every EXR compression and pixel type, Radiance .hdr and floating-point TIFF. A grey file gives
-    three equal channels; alpha and other channels are left out. Of several parts the first is read.
+    Every EXR compression and pixel type, Radiance .hdr and floating-point TIFF. What the file says
+    is obeyed: orientation and all eight resolution lines, EXPOSURE and COLORCORR, PRIMARIES and
+    chromaticities (white stays white), the display window (the data window is cropped to it, and
+    black where it does not reach). Of several layers or parts `radiance_layers` chooses, or asks.
+    A grey file gives three equal channels; alpha and other channels are left out.
 
     Negative values are kept: published panoramas carry negative ringing beside the sun, and it
     belongs to the energy there. Average to the working size first, then clamp at 0.
@@ -32,7 +59,7 @@ def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
     Raises:
         OSError: there is no such file, it is a folder, or reading it is not permitted.
         ImageFileError: not an image, damaged, of integer pixels, too large, without colour
-            channels, or holding NaN or infinity.
+            channels, deep, with several layers that could be the light, or holding NaN or infinity.
     """
     path = Path(path)
     with opened(path, MAX_HDR_PIXELS) as file:
@@ -40,7 +67,8 @@ def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
             expected = "linear radiance (.exr, .hdr or floating-point .tif)"
             got = f"{path} with {file.spec().format} pixels"
             raise ImageFileError(expected, got, "give an HDR image")
-        return read_radiance(file, path)
+        radiance = read_radiance(file, path, MAX_HDR_PIXELS)
+        return np.ascontiguousarray(upright(radiance, orientation_of(file, path)))
 
 
 def is_floating_point(file: oiio.ImageInput) -> bool:
@@ -48,38 +76,84 @@ def is_floating_point(file: oiio.ImageInput) -> bool:
     return str(file.spec().format) in FLOATING_POINT
 
 
-def read_radiance(file: oiio.ImageInput, path: Path) -> Float32[np.ndarray, "height width 3"]:
-    """Read the colour channels of an opened floating-point file; see `read_hdr`."""
-    channels = _colour_channels(tuple(file.spec().channelnames), path)
+def orientation_of(file: oiio.ImageInput, path: Path) -> int:
+    """EXIF's number for how the stored rows of an opened file are turned upright."""
+    if file.format_name() == "hdr":  # of which OpenImageIO swaps two
+        return read_radiance_header(path).orientation
+    return int(file.spec().get_int_attribute("Orientation", 1))
+
+
+def read_radiance(
+    file: oiio.ImageInput, path: Path, max_pixels: int
+) -> Float32[np.ndarray, "height width 3"]:
+    """Read the light of an opened file as `read_hdr` does, but for its orientation.
+
+    Of an integer file the values, 1.0 the largest it can hold.
+    """
+    channels = choose_layer(file, path).channels
+    spec = file.spec()
+    check_size(path, spec.width, spec.height, max_pixels)
+    check_size(path, spec.full_width, spec.full_height, max_pixels)
     first, last = min(channels), max(channels)
-    pixels = file.read_image(0, 0, first, last + 1, oiio.FLOAT)
+    pixels = file.read_image(file.current_subimage(), 0, first, last + 1, oiio.FLOAT)
     if pixels is None or file.has_error:
         raise damaged(path, file.geterror())
     radiance = pixels.reshape(pixels.shape[0], pixels.shape[1], -1)
     picked = [channel - first for channel in channels]
     if picked != list(range(radiance.shape[2])):
         radiance = np.ascontiguousarray(radiance[..., picked])
+    if file.format_name() == "openexr":
+        radiance = _displayed(radiance, spec)
     bad = radiance.size - int(np.count_nonzero(np.isfinite(radiance)))
     if bad:
         got = f"{path} with {bad} values that are NaN or infinite"
         raise ImageFileError("finite radiance", got, "repair or replace the file")
-    return radiance
+    return _in_srgb(radiance, file, path) if is_floating_point(file) else radiance
 
 
-def _colour_channels(names: tuple[str, ...], path: Path) -> tuple[int, int, int]:
-    """Give the places of red, green and blue; three times the same one for a grey file."""
-    layers = [name[: -len("R")] for name in names if name == "R" or name.endswith(".R")]
-    for layer in sorted(layers, key=len):  # the plain R, G, B before any layer's
-        wanted = [layer + colour for colour in "RGB"]
-        if all(name in names for name in wanted):
-            red, green, blue = (names.index(name) for name in wanted)
-            return red, green, blue
-    has_chroma = "RY" in names or "BY" in names
-    for index, name in enumerate(names):
-        if (name == "Y" and not has_chroma) or len(names) == 1:
-            return index, index, index
-    got = f"{path} with channels {', '.join(names[:8])}"
-    raise ImageFileError("channels R, G, B or one grey channel", got, "export it as RGB")
+def _displayed(
+    pixels: Float32[np.ndarray, "data_height data_width 3"], spec: oiio.ImageSpec
+) -> Float32[np.ndarray, "height width 3"]:
+    """The display window of an EXR, which is the picture; the data window may be any other."""
+    window = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+    if window == (spec.x, spec.y, spec.width, spec.height) or min(window[2:]) <= 0:
+        return pixels
+    result = np.zeros((spec.full_height, spec.full_width, 3), np.float32)
+    top, left = spec.y - spec.full_y, spec.x - spec.full_x
+    bottom = min(top + spec.height, spec.full_height)
+    right = min(left + spec.width, spec.full_width)
+    if bottom > max(top, 0) and right > max(left, 0):
+        inside = pixels[max(-top, 0) : bottom - top, max(-left, 0) : right - left]
+        result[max(top, 0) : bottom, max(left, 0) : right] = inside
+    return result
+
+
+def _in_srgb(
+    radiance: Float32[np.ndarray, "height width 3"], file: oiio.ImageInput, path: Path
+) -> Float32[np.ndarray, "height width 3"]:
+    """Radiance with sRGB's primaries and without the factors that a .hdr's header names."""
+    matrix = np.eye(3)
+    if file.format_name() == "hdr":
+        header = read_radiance_header(path)
+        known = CIE_XYZ if header.is_xyz else header.primaries
+        matrix = _matrix(known) / np.array(header.gain)
+    elif file.format_name() == "openexr":
+        known = file.spec().getattribute("chromaticities")
+        named = NAMED_SPACES.get(file.spec().get_string_attribute("colorInteropID"))
+        matrix = _matrix(tuple(known) if known is not None else named)
+    elif (profile := file.spec().getattribute("ICCProfile")) is not None:
+        with suppress(ValueError):  # a damaged profile does not make light unreadable
+            matrix = bt709_from_icc(np.asarray(profile, np.uint8).tobytes())
+    if np.abs(matrix - np.eye(3)).max() < 2e-3:  # primaries of three digits
+        return radiance
+    return radiance @ matrix.T.astype(np.float32)
+
+
+def _matrix(chromaticities: tuple[float, ...] | None) -> Matrix:
+    try:
+        return np.eye(3) if chromaticities is None else bt709_from_primaries(chromaticities)
+    except ValueError:
+        return np.eye(3)
 
 
 def write_exr(
