@@ -136,6 +136,10 @@ def test_impossible_recipes_are_refused() -> None:
         Recipe(phone="brick")
     with pytest.raises(ConfigError):
         Recipe(frames=0)
+    with pytest.raises(ConfigError, match="v1 or v2"):
+        Recipe(phones="v3")
+    with pytest.raises(ConfigError, match="drop one"):
+        Recipe(phone="wide", phones="v2")
 
 
 def test_the_command_films_and_draws_a_contact_sheet(

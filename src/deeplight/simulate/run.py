@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class Recipe:
     shard_takes: int = 64
     seed: int = 0
     varied: float = 0.0
-    phones: Literal["v1", "v2"] = "v1"
+    phones: str = "v1"
 
     def takes(self, split: str) -> int:
         """Takes in each place of a split of the data set."""
@@ -82,6 +82,11 @@ class Recipe:
             raise ConfigError("recipe.varied from 0 to 1", f"{self.varied}", "correct it")
         if self.phone not in PHONES:
             raise ConfigError(f"a phone of {', '.join(PHONES)}", self.phone, "choose one of these")
+        if self.phones not in _LONGEST_VISIT:
+            raise ConfigError("recipe.phones v1 or v2", f"{self.phones!r}", "choose one of these")
+        if self.phones == "v2" and self.phone != "paper":
+            got = f"recipe.phone {self.phone} and recipe.phones v2"
+            raise ConfigError("one phone for all takes with recipe.phones v1 only", got, "drop one")
 
 
 @dataclass(frozen=True)
