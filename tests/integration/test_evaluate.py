@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import shutil
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -21,6 +20,7 @@ from deeplight.dataset import (
     ExampleMeta,
     ShardJob,
     ShardPlan,
+    add_bases,
     open_dataset,
     plan_split,
 )
@@ -173,7 +173,7 @@ def test_measured_spheres_are_scored_and_drawn_as_measured(data: DataSet, tmp_pa
     analytic = open_dataset(folder)
     measured = analytic.with_bases(tmp_path / "measured.npz")
     assert analytic.bases_sha256 == "analytic"
-    shutil.copy(tmp_path / "measured.npz", folder / "bases.npz")
+    add_bases(folder, tmp_path / "measured.npz")
     travelling = open_dataset(folder)
     assert measured.bases_sha256 == travelling.bases_sha256 != "analytic"
     error = {}

@@ -44,6 +44,9 @@ class Args:
     """A rig file: the spheres' places from an earlier run, or beside an AprilTag."""
     save_rig: Path | None = None
     """Write the surest rig found to this file."""
+    bases: Path | None = None
+    """Measured reflectance bases of these spheres (`deeplight reflectance`): they travel with the
+    data set, and `deeplight evaluate` uses them."""
     diameter: float = 0.08
     """Of the spheres, in metres."""
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
@@ -70,9 +73,13 @@ def run(args: Args) -> None:
     from deeplight.capture.rig_file import write_rig_file
     from deeplight.capture.run import Outcome, capture, plan, surest_rig
     from deeplight.cli.screen import progress_bar, results_console
+    from deeplight.dataset import add_bases
+    from deeplight.io.basis_file import load_bases
     from deeplight.jobs import Engine
 
     settings = _settings(args)
+    if args.bases is not None:
+        load_bases(args.bases)  # what is wrong with it is said before hours of work
     engine = Engine(args.engine, args.workers, args.ray_address)
     what = plan(find_clips(args.clips, args.table, args.scene), args.out, settings)
     start, outcomes = time.perf_counter(), list[Outcome]()
@@ -96,6 +103,8 @@ def run(args: Args) -> None:
             console.print(f"{split}: {manifest.examples(split)} examples from {clips} clips")
     if read:
         console.print(f"{read / seconds:.1f} frames/s")
+    if args.bases is not None:
+        add_bases(args.out, args.bases)
     if args.save_rig is not None:
         write_rig_file(args.save_rig, surest_rig(what, manifest))
     console.print(escape(f"look at {args.out / REPORTS / 'index.html'}"))

@@ -41,7 +41,7 @@ class Args:
     with_photo: bool = True
     """Add the first model's whole environment, photo and lamps in it."""
     benchmark: str | None = None
-    """Make and check the published benchmark of that name (v1)."""
+    """Make and check the published benchmark of that name (v1, v2)."""
     hdri: Path | None = None
     """Folder of the benchmark's panoramas, to make it."""
 

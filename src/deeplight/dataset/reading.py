@@ -1,6 +1,7 @@
 """Reading a data set: example by example in order, or any example at once."""
 
 import mmap
+import shutil
 import tarfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from deeplight.dataset.remote import Remote, is_address
 from deeplight.dataset.shards import COLUMNS, ShardIndex, extents_in, index_path, sha256_of
 from deeplight.dataset.splits import TRAINING_SPLITS, splits_named
 from deeplight.errors import DataSetError
+from deeplight.io.atomic import replacing
 from deeplight.io.basis_file import load_bases
 from deeplight.lighting import LIGHTING_SIZE
 from deeplight.reflectance import ReflectanceBasis, rig_bases
@@ -228,6 +230,18 @@ class DataSet:
                         f"true HDR lighting in {index.keys[int(np.argmax(index.has_lighting))]}",
                         "make the data set again: training must never see HDR",
                     )
+
+
+def add_bases(folder: Path, bases: Path) -> None:
+    """Let measured reflectance bases travel with the data set in `folder`.
+
+    Raises:
+        OSError: a file cannot be read or written.
+        DataSetError: it is no file of bases.
+    """
+    load_bases(bases)
+    with replacing(folder / BASES) as temporary:
+        shutil.copyfile(bases, temporary)
 
 
 def open_dataset(folder: Path | str) -> DataSet:

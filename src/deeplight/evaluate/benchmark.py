@@ -27,6 +27,10 @@ from deeplight.simulate.run import Recipe, plan, simulate
 RECIPES = {
     # Validation and test places only: every one is filmed in 4 takes of 4 frames, a shard each.
     "v1": Recipe(train_takes=0, eval_takes=4, seen_takes=0, frames=4, shard_takes=4, seed=1),
+    # The same places, each take filmed with another phone, half of the test takes with new ones.
+    "v2": Recipe(
+        train_takes=0, eval_takes=4, seen_takes=0, frames=4, shard_takes=4, seed=2, phones="v2"
+    ),
 }
 PINNED = {
     "OPENBLAS_CORETYPE": "Haswell",
