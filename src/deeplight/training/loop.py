@@ -167,8 +167,8 @@ class Run:
         self.order = Order(len(index), self.config.run.seed, places)
         self.source = BatchSource(self.examples, config, self.order, self.device, self.share)
         tables = {
-            split: some_of(self.held_out[split], config.validation_examples, config.workers)
-            for split in config.validation_splits
+            split: some_of(index, config.validation_examples, config.workers)
+            for split, index in self.held_out.items()
             if self.first
         }
         self.validation = Validation(tables, self.bases, self.device)

@@ -47,8 +47,14 @@ class Sources:
         return Chosen([part.index(config.train_split) for part in self.sets], config.places, seed)
 
     def validation(self, config: DataConfig) -> dict[str, SplitIndex]:
-        """The splits to validate on."""
-        return {split: self.sets[0].index(split) for split in config.validation_splits}
+        """The splits to validate on: those of `config` that the first data set has.
+
+        Raises:
+            DataSetError: it has none of them.
+        """
+        first, wanted = self.sets[0], config.validation_splits
+        there = [split for split in wanted if first.manifest.examples(split)]
+        return {split: first.index(split) for split in there or wanted}
 
     def refuse_held_out(self, training: Chosen) -> None:
         """Nothing is learnt from a place that any of the data sets keeps for validation or test."""
