@@ -176,6 +176,51 @@ def test_a_folder_goes_on_past_bad_photos_and_names_each(photos, estimate, tmp_p
     assert "4 of 5" in lines[-1]
 
 
+FAULTS = [
+    IndexError("list index out of range"),
+    RuntimeError("no planes"),
+    RecursionError(),
+    EOFError(),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=repr)
+def test_whatever_a_decoder_raises_the_batch_goes_on(
+    photos, estimate, tmp_path, capfd, monkeypatch, fault
+):
+    from deeplight.io import photos as reader
+
+    decode = reader.decode_photo
+
+    def fails(path: Path, start: bytes):
+        if path.name == "broken.jpg":
+            raise fault
+        return decode(path, start)
+
+    monkeypatch.setattr(reader, "decode_photo", fails)
+    monkeypatch.setattr(reader, "decode_reduced", lambda *_: None, raising=False)
+    shutil.copy(photos / "scene.jpg", photos / "broken.jpg")
+    assert estimate(photos) == 2
+    assert results(tmp_path) == {f"scene{suffix}" for suffix in RESULTS}
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert "broken.jpg" in lines[0]
+
+
+def test_files_that_once_ended_a_batch_are_one_line_each(estimate, tmp_path, cases, capfd):
+    pytest.importorskip("av")
+    bad = "indexerror.png runtimeerror.avif eoferror.heic video-1-52-other.mp4 concat_rel.mp4"
+    names = [*(f"hostile/{name}" for name in bad.split()), "sound/damaged.avif"]
+    good = [cases / "sound/upright.png", cases / "sound/take:1.mp4"]
+    assert estimate(*(cases / name for name in names), *good) == 2
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == len(names) + 1
+    for name in names:
+        assert sum(Path(name).name in line for line in lines) == 1
+    made = {"upright", "take:1_000000", "take:1_000001"}
+    assert results(tmp_path) == {f"{stem}{suffix}" for stem in made for suffix in RESULTS}
+
+
 def bad_photo(kind: str, folder: Path) -> Path:
     path = folder / f"{kind}.png"
     if kind == "tiny":

@@ -171,6 +171,20 @@ def test_without_its_extra_raw_is_refused_as_raw(
         read_photo(tmp_path / name)
 
 
+def test_a_raw_file_that_is_cut_off_is_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rawpy")
+    path = write_dng(tmp_path / "a.dng")
+    whole = path.read_bytes()
+    places = struct.pack("<HHII", 273, 4, 1, 8)
+    assert whole.count(places) == 1
+    path.write_bytes(whole.replace(places, struct.pack("<HHII", 273, 4, 1, len(whole) - 500)))
+    with pytest.raises(ImageFileError, match="damaged"):
+        read_photo(path)
+    assert capfd.readouterr().err == ""
+
+
 STARTS = [b"FUJIFILMCCD-RAW 0201", b"II*\0\x10\0\0\0CR\2\0", b"IIRO\x08\0", b"IIU\0", b"FOVb"]
 
 

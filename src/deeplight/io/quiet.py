@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
+from tempfile import TemporaryFile
 
 
 @contextmanager
@@ -21,3 +22,19 @@ def quiet() -> Iterator[None]:
         os.dup2(kept, 2)
         os.close(kept)
         os.close(nowhere)
+
+
+@contextmanager
+def overheard() -> Iterator[list[str]]:
+    """Keep what a native library prints on stderr; the list holds its lines afterwards."""
+    lines: list[str] = []
+    kept = os.dup(2)
+    with TemporaryFile() as paper:
+        try:
+            os.dup2(paper.fileno(), 2)
+            yield lines
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            paper.seek(0)
+            lines += paper.read(65_536).decode("utf-8", "replace").splitlines()

@@ -11,7 +11,8 @@ from jaxtyping import UInt16
 
 from deeplight.errors import MissingExtraError
 from deeplight.io.exif import Exif, number
-from deeplight.io.image_file import check_size
+from deeplight.io.image_file import check_size, damaged
+from deeplight.io.quiet import overheard
 
 RAW_SUFFIXES = frozenset(
     ".3fr .arw .cr2 .cr3 .dcr .dng .erf .fff .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf .raw"
@@ -68,7 +69,7 @@ def develop(path: Path, max_pixels: int) -> RawPhoto:
 
     Raises:
         MissingExtraError: the `raw` extra is not installed.
-        ImageFileError: too many pixels.
+        ImageFileError: too many pixels, or cut off.
         rawpy.LibRawError: LibRaw cannot read it.
     """
     try:
@@ -78,7 +79,7 @@ def develop(path: Path, max_pixels: int) -> RawPhoto:
     tags: dict[int, tuple[float, ...]] = {}
     for folder in _folders(path):
         tags = {**folder, **tags}  # the first directory's own go first
-    with rawpy.imread(str(path)) as file:
+    with overheard() as complaints, rawpy.imread(str(path)) as file:
         check_size(path, file.sizes.width, file.sizes.height, max_pixels)
         focal_length, flip = number(file.other.focal_length) or 0.0, file.sizes.flip
         linear = file.postprocess(
@@ -90,6 +91,8 @@ def develop(path: Path, max_pixels: int) -> RawPhoto:
             output_color=rawpy.ColorSpace.sRGB,
             user_flip=0,
         )
+    if complaints:  # LibRaw prints that a file is cut off, and fills up with black
+        raise damaged(path, complaints[0].removeprefix(f"{path}: "))
     exif = Exif(
         orientation=_EXIF_OF_FLIP[flip & 7],
         focal_length_35mm_mm=number(tags.get(_FOCAL_35MM)) or 0.0,
