@@ -33,6 +33,7 @@ CATCH_RAD = float(np.radians(30))
 """A clipped area takes the estimate's power from so far around: the ball is no sharper."""
 LARGEST_OWN_RAD = float(np.radians(15))
 """A network's lamp wider than this is no compact light and stays in the map."""
+_BRIGHT = (0.5, 1.0)  # radiance between which a clipped area's power fades in around it
 _LOBE_END = 1e-3  # of a lobe's peak: less is not worth a pixel
 MOST_LAMPS = 3
 LEAST_SHARE = 0.03
@@ -234,9 +235,28 @@ def find_lamps(lighting: Lighting, photo: ProjectedPhoto, own: Sequence[Lamp] = 
         if lamp is not None:
             lamps.append(lamp)
         else:
-            areas[area.mask] += flux / np.float32(area.solid_angle)
+            areas += _raised(area, flux, photo)
     lamps.sort(key=lambda lamp: -lamp.luminous_flux)
     return FoundLamps(tuple(lamps), areas, rest)
+
+
+def _raised(
+    area: ClippedArea, flux: Float32[np.ndarray, "3"], photo: ProjectedPhoto
+) -> Float32[np.ndarray, "height width 3"]:
+    """A flux spread over a clipped area, fading into what is bright around it: no hard outline."""
+    height, width = area.mask.shape
+    near = area.mask.astype(np.float32)
+    for shift in (1, 2, 4):
+        step = max(1, round(shift * height / 256))
+        for axis in (0, 1):
+            near = (np.roll(near, step, axis) + 2 * near + np.roll(near, -step, axis)) / 4
+    low, high = _BRIGHT
+    bright = smoothstep((photo.radiance.max(-1) - low) / (high - low))
+    weight = near * bright * photo.seen
+    total = float((weight * latlong.solid_angles(height, width)).sum())
+    if total <= 0:
+        weight, total = area.mask.astype(np.float32), area.solid_angle
+    return weight[..., None] * (flux / np.float32(total))
 
 
 def _parts(lighting: Lighting, own: Sequence[Lamp]) -> list[Excess]:
