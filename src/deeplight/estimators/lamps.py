@@ -245,18 +245,20 @@ def _raised(
 ) -> Float32[np.ndarray, "height width 3"]:
     """A flux spread over a clipped area, fading into what is bright around it: no hard outline."""
     height, width = area.mask.shape
-    near = area.mask.astype(np.float32)
+    near: np.ndarray = area.mask.astype(np.float32)
     for shift in (1, 2, 4):
         step = max(1, round(shift * height / 256))
         for axis in (0, 1):
-            near = (np.roll(near, step, axis) + 2 * near + np.roll(near, -step, axis)) / 4
+            beside = np.roll(near, step, axis) + np.roll(near, -step, axis)
+            near = (beside * np.float32(0.25) + near * np.float32(0.5)).astype(np.float32)
     low, high = _BRIGHT
     bright = smoothstep((photo.radiance.max(-1) - low) / (high - low))
     weight = near * bright * photo.seen
     total = float((weight * latlong.solid_angles(height, width)).sum())
     if total <= 0:
         weight, total = area.mask.astype(np.float32), area.solid_angle
-    return weight[..., None] * (flux / np.float32(total))
+    result: np.ndarray = weight[..., None] * (flux / np.float32(total))
+    return result
 
 
 def _parts(lighting: Lighting, own: Sequence[Lamp]) -> list[Excess]:
