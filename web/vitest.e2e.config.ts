@@ -1,7 +1,12 @@
+import { defaultClientConditions } from "vite";
 import { defineConfig } from "vitest/config";
+
+const conditions = ["deeplight-source", ...defaultClientConditions];
 
 // The built page in a real browser: run `npm run build` first.
 export default defineConfig({
+  resolve: { conditions },
+  ssr: { resolve: { conditions }, noExternal: ["deeplight"] },
   test: {
     include: ["e2e/**/*.test.ts"],
     testTimeout: 60_000,
