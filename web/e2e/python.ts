@@ -37,10 +37,10 @@ export function serve(): Promise<Site> {
   });
 }
 
-/** Log radiance of the 32 x 32 ball, as `deeplight estimate` writes it for a photo. */
+/** Log radiance of the 32 x 32 ball, as `deeplight estimate --light-only` writes it for a photo. */
 export async function estimated(photo: string): Promise<Float32Array> {
   const out = await mkdtemp(path.join(tmpdir(), "deeplight-"));
-  await promisify(execFile)(PROGRAM, ["estimate", photo, "--out", out]);
+  await promisify(execFile)(PROGRAM, ["estimate", photo, "--light-only", "--out", out]);
   return ballOf(await readFile(path.join(out, `${path.parse(photo).name}.json`), "utf8"));
 }
 

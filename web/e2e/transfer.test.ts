@@ -1,7 +1,7 @@
 /** The shaders of transfer against the pictures that Python made of the same file. */
 import { fileURLToPath } from "node:url";
 import type { Browser, Page } from "playwright-core";
-import { build } from "vite";
+import { build, defaultClientConditions } from "vite";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import type { Shot } from "../tests/browser/transfer.ts";
 import { floats, golden } from "../tests/golden.ts";
@@ -15,7 +15,12 @@ let page: Page;
 beforeAll(async () => {
   const entry = fileURLToPath(new URL("../tests/browser/transfer.ts", import.meta.url));
   const lib = { entry, formats: ["es" as const], fileName: "transfer" };
-  const built = await build({ configFile: false, logLevel: "error", build: { lib, write: false } });
+  const built = await build({
+    configFile: false,
+    logLevel: "error",
+    resolve: { conditions: ["deeplight-source", ...defaultClientConditions] },
+    build: { lib, write: false },
+  });
   const chunk = (Array.isArray(built) ? built : [built]).flatMap((one) =>
     "output" in one ? one.output : [],
   )[0]!;
