@@ -1,8 +1,9 @@
 /** What an estimate gives: one light, in the forms that renderers take. */
 import { CONDON_SHORTLEY } from "./contract/generated.ts";
+import type { Lamp } from "./lamps.ts";
 import { Lighting } from "./light/lighting.ts";
 import type { MainLight } from "./light/main-light.ts";
-import type { Matrix3x3, Vector3 } from "./light/matrix.ts";
+import { type Matrix3x3, turned as turnedVector, type Vector3 } from "./light/matrix.ts";
 import { hdrFile, rolled } from "./save/hdr-file.ts";
 import { type About, jsonFile } from "./save/json-file.ts";
 
@@ -26,6 +27,8 @@ export class Light {
     readonly lighting: Lighting,
     /** Where it comes from; null after `turned`, which leaves the camera's frame. */
     readonly about: About | null,
+    /** Those that the network names, in the camera's frame; none where it names none. */
+    readonly lamps: readonly Lamp[] = [],
   ) {}
 
   /** Of the whole environment, the main light included. */
@@ -83,7 +86,11 @@ export class Light {
 
   /** The same light in another frame: `newFromCamera` takes our directions to that frame's. */
   turned(newFromCamera: Matrix3x3): Light {
-    return new Light(this.lighting.turned(newFromCamera), null);
+    const lamps = this.lamps.map((lamp) => ({
+      ...lamp,
+      direction: turnedVector(newFromCamera, lamp.direction),
+    }));
+    return new Light(this.lighting.turned(newFromCamera), null, lamps);
   }
 }
 

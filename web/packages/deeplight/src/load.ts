@@ -2,6 +2,7 @@
 
 import { EstimateError } from "./errors.ts";
 import { Estimator, type ModelFacts } from "./estimate/estimator.ts";
+import { lampsOf } from "./lamps.ts";
 import { IDENTITY, type Matrix3x3 } from "./light/matrix.ts";
 import { Smoother } from "./light/smoother.ts";
 import { Light } from "./light.ts";
@@ -86,9 +87,9 @@ export class LightEstimator {
       if (isBusy || !video.videoWidth) return;
       isBusy = true;
       const pose = worldFromCamera();
-      const light = this.estimate(video, options).then(({ lighting, about }) => {
+      const light = this.estimate(video, options).then(({ lighting, about, lamps }) => {
         const steady = smoother?.next(lighting, performance.now(), pose) ?? lighting;
-        if (!isStopped) seen(new Light(steady, about));
+        if (!isStopped) seen(new Light(steady, about, lamps));
       });
       void light
         .catch((error: unknown) => {
@@ -120,7 +121,9 @@ export class LightEstimator {
     const estimate = await this.estimator.estimate(frame, verticalFovRad);
     if (!estimate) throw closed();
     const photo = { file, width, height };
-    return new Light(estimate.lighting, { model: this.model, photo, verticalFovRad });
+    const lamps = estimate.others.get(this.model.contract.lamps_name);
+    const about = { model: this.model, photo, verticalFovRad };
+    return new Light(estimate.lighting, about, lamps ? lampsOf(lamps) : []);
   }
 }
 
