@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeplight.errors import ConfigError, ImageFileError
 from deeplight.io import atomic
-from deeplight.io.atomic import replacing
+from deeplight.io.atomic import only_run, replacing
 from deeplight.io.photograph import write_photograph
 from deeplight.io.radiance import write_exr, write_hdr
 from deeplight.io.video_writer import VideoWriter
@@ -69,6 +70,15 @@ def test_a_name_that_is_not_utf8_can_be_written(tmp_path: Path) -> None:
         temporary.name.encode()  # image libraries want UTF-8
         temporary.write_text("whole")
     assert [os.fsencode(path.name) for path in tmp_path.iterdir()] == [b"caf\xe9.exr"]
+
+
+def test_what_cannot_be_named_is_said_before_it_is_written(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="too long"), replacing(tmp_path / ("n" * 256)):
+        raise AssertionError("began to write")
+    folder = tmp_path / os.fsdecode(b"caf\xe9")
+    with pytest.raises(ImageFileError, match="not UTF-8"):
+        write_exr(folder / "a.exr", NOISE)
+    write_exr(tmp_path / os.fsdecode(b"caf\xe9.exr"), NOISE)
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.exr"])
@@ -150,6 +160,20 @@ def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
     write(tmp_path / "d.txt", b"whole")
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == [foreign.name, "b.txt", "c.txt", "d.txt"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs file locks")
+def test_a_second_run_into_a_folder_is_refused_while_one_goes(tmp_path: Path) -> None:
+    with (
+        only_run(tmp_path / "a"),
+        only_run(tmp_path / "b"),
+        pytest.raises(ConfigError, match="still going"),
+        only_run(tmp_path / "a"),
+    ):
+        raise AssertionError("two at once")
+    with only_run(tmp_path / "a"):
+        (tmp_path / "a" / "result").touch()
+    assert [path.name for path in tmp_path.rglob("*")] == ["a", "result"]
 
 
 def write_video(path: Path, noise: np.ndarray) -> None:

@@ -29,6 +29,7 @@ from deeplight.dataset.plan import PLAN
 from deeplight.dataset.shards import index_path
 from deeplight.dataset.splits import check_places
 from deeplight.errors import DataSetError, InputError
+from deeplight.io.atomic import only_run
 from deeplight.jobs import LOCAL, Engine, run
 from deeplight.sphere import Rig
 
@@ -122,12 +123,13 @@ def capture(
         DataSetError: not one clip of the data set gave examples; its reports say why.
         OSError: the data set cannot be written; what is finished stays, to go on with.
     """
-    for done in run(what.missing, partial(Capture.work, what), engine):
-        if done.error:
-            raise done.error
-        if done.result:
-            progress(done.result)
-    manifest = what.shards.finish()
+    with only_run(what.shards.folder):
+        for done in run(what.missing, partial(Capture.work, what), engine):
+            if done.error:
+                raise done.error
+            if done.result:
+                progress(done.result)
+        manifest = what.shards.finish()
     page = write_index(what.shards.folder, sorted(what.shards.recipe["clips"]))
     if not any(manifest.examples(split) for split in manifest.splits):
         raise DataSetError(

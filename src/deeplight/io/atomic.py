@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
+from deeplight.errors import ConfigError
+
 MAX_NAME_BYTES = 255
 LONGEST_SUFFIX = 20
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
@@ -34,6 +36,8 @@ def replacing(path: Path | str) -> Iterator[Path]:
         OSError: the folder cannot be made or written, or the disk is full.
     """
     path = Path(path)
+    if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
+        raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG), str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_leftovers(path.parent.resolve())
     temporary = path.with_name(_temporary_name(path))
@@ -120,3 +124,44 @@ def results_folder(path: Path) -> Iterator[None]:
     finally:
         if made and not any(path.iterdir()):
             path.rmdir()
+
+
+@contextmanager
+def only_run(folder: Path) -> Iterator[None]:
+    """Refuse a second run into a folder while one writes there; a killed one holds nothing.
+
+    The lock lies on the folder itself and leaves no file. Where there are no such locks (Windows,
+    some network disks) nothing is refused; files are whole there too, and the same runs write the
+    same bytes. The further processes of a run on several devices (LOCAL_RANK) are let through.
+
+    Raises:
+        ConfigError: another process is in the block.
+        OSError: the folder cannot be made.
+    """
+    if int(os.environ.get("LOCAL_RANK", 0)) > 0:
+        yield
+        return
+    with results_folder(folder), _locked(folder):
+        yield
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    held = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(held)
+        do = "wait for it, or give another folder"
+        raise ConfigError(f"one run into {folder}", "another that is still going", do) from None
+    except OSError:
+        pass  # a disk without locks
+    try:
+        yield
+    finally:
+        os.close(held)

@@ -95,6 +95,9 @@ def write_image(path: Path, spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
     """
     spec.attribute("DateTime", "")  # left out, OpenImageIO writes the time of day
     with replacing(path) as temporary:
+        if not _is_utf8(temporary):
+            got = f"{ascii(str(path.parent))}, whose name is not UTF-8"
+            raise ImageFileError("a folder to write into", got, "rename it, or give another")
         file = oiio.ImageOutput.create(str(temporary))
         if file is None:
             raise ImageFileError("a name ending in .exr or .hdr", f"{path}", "rename the output")

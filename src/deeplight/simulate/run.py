@@ -20,6 +20,7 @@ from deeplight.dataset import (
     plan_split,
 )
 from deeplight.errors import ConfigError, DataSetError, InputError
+from deeplight.io.atomic import only_run
 from deeplight.jobs import LOCAL, Engine, run
 from deeplight.simulate import panorama
 from deeplight.simulate.many_phones import draw_phone, kept_phone
@@ -226,15 +227,16 @@ def simulate(
         progress: told the number of examples of each finished shard.
 
     Raises:
-        ConfigError: the engine cannot be reached.
+        ConfigError: the engine cannot be reached, or another run is filming into the folder.
         DataSetError: no panorama could be used; the data set is removed again.
         OSError: the data set cannot be written; what is finished stays, to go on with.
     """
-    for done in run(shards.missing(), partial(_film_shard, shards, simulation), engine):
-        if done.error:
-            raise done.error
-        progress(done.result or 0)
-    manifest = shards.finish()
+    with only_run(shards.folder):
+        for done in run(shards.missing(), partial(_film_shard, shards, simulation), engine):
+            if done.error:
+                raise done.error
+            progress(done.result or 0)
+        manifest = shards.finish()
     if not any(manifest.examples(split) for split in manifest.splits):
         shards.discard()  # else a run with the panoramas repaired would take it for finished
         skipped = "; ".join(f"{item.file}: {item.reason}" for item in manifest.skipped)

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from deeplight.errors import ConfigError
 from deeplight.io.arrays_file import read_array
-from deeplight.io.atomic import replacing
+from deeplight.io.atomic import only_run, replacing
 from deeplight.report.run_record import write_run_toml
 from deeplight.sphere import SPHERES
 from deeplight.training import checkpoint, devices
@@ -81,15 +81,16 @@ def train(
 
     Raises:
         DataSetError: the data set is missing, broken or without the splits the settings name.
-        ConfigError: `run_dir` holds a run with other settings or data; the loss is not finite.
+        ConfigError: `run_dir` holds another run, or one still going; the loss is not finite.
         ModelError: the ImageNet weights or the checkpoint cannot be read.
     """
     watch = watch or (lambda _: None)
-    run = Run(Sources(data_dir, more), run_dir, config, imagenet, weights, watch)
-    try:
-        return run.to_the_end(watch)
-    finally:
-        run.record.close()
+    with only_run(run_dir):
+        run = Run(Sources(data_dir, more), run_dir, config, imagenet, weights, watch)
+        try:
+            return run.to_the_end(watch)
+        finally:
+            run.record.close()
 
 
 class Run:
