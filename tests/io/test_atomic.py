@@ -147,9 +147,12 @@ def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
     with subprocess.Popen(command, env=os.environ | path_of_ours(), stdout=-1) as child:
         assert child.stdout is not None
         child.stdout.readline()
+        dead = f".b.dl-{atomic._where()}-{2**22 + 1:x}-0badcafe"  # of no process
+        (tmp_path / dead).mkdir()
+        (tmp_path / dead / "b.exr").touch()
         foreign = tmp_path / ".a.dl-00000000-7fffffff-00000000.exr"  # another machine's
         foreign.write_text("half")
-        assert len(list(tmp_path.iterdir())) == 2
+        assert len(list(tmp_path.iterdir())) == 3
         atomic._remove_leftovers.cache_clear()
         write(tmp_path / "b.txt", b"whole")  # another run's file that still lives is kept
         assert len(list(tmp_path.iterdir())) == 3

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from deeplight.environment import Environment
@@ -16,6 +15,7 @@ from deeplight.estimators.confidence import confidence_of
 from deeplight.estimators.environment import SceneLight
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.preview import preview
+from deeplight.io.atomic import staging
 from deeplight.io.lighting_file import (
     LATLONG_HEIGHT,
     Turn,
@@ -75,11 +75,11 @@ def write_results(
     Raises:
         OSError: a file cannot be written.
     """
-    with TemporaryDirectory(prefix=f".{stem[:80]}.", dir=folder) as temporary:
+    with staging(folder, stem) as temporary:
         try:
-            files = _written(estimate, estimator, Path(temporary) / stem, scene, spec, facts or {})
+            files = _written(estimate, estimator, temporary / stem, scene, spec, facts or {})
             for suffix, content in (further or {}).items():
-                files.append(Path(temporary) / f"{stem}{suffix}")
+                files.append(temporary / f"{stem}{suffix}")
                 files[-1].write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
             return _moved(files, folder)
         except OSError as error:

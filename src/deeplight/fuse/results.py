@@ -3,7 +3,6 @@
 import shutil
 from math import degrees
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
@@ -15,6 +14,7 @@ from deeplight.camera_response import CameraResponse
 from deeplight.environment import Environment
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.fuse.fuse import Fused
+from deeplight.io.atomic import staging
 from deeplight.io.lighting_file import Turn, save_lighting, seen_record
 from deeplight.io.photos import write_png
 from deeplight.mappings import latlong
@@ -50,8 +50,8 @@ def write_fused(
         OSError: a file cannot be written.
     """
     environment = fused.environment
-    with TemporaryDirectory(prefix=f".{stem[:80]}.", dir=folder) as temporary:
-        base = Path(temporary) / stem
+    with staging(folder, stem) as temporary:
+        base = temporary / stem
         files = save_lighting(
             environment.lighting,
             base,

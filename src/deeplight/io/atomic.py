@@ -6,6 +6,7 @@ import hashlib
 import os
 import re
 import secrets
+import shutil
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -50,6 +51,24 @@ def replacing(path: Path | str) -> Iterator[Path]:
         raise
 
 
+@contextmanager
+def staging(folder: Path, stem: str) -> Iterator[Path]:
+    """Give a folder inside `folder` to make several files in, which are then moved out of it.
+
+    It is removed at the end; what a kill -9 leaves, the next run removes.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    _remove_leftovers(folder.resolve())
+    made = folder / _temporary_name(folder / f"{stem}.")
+    made.mkdir()
+    try:
+        yield made
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+
+
 def _temporary_name(path: Path) -> str:
     """Make a name that says which process writes it, of at most `MAX_NAME_BYTES`."""
     suffix = path.suffix if len(os.fsencode(path.suffix)) <= LONGEST_SUFFIX else ""
@@ -92,7 +111,10 @@ def _remove_leftovers(folder: Path) -> None:
             if found is None or found["where"] != _where() or _lives(int(found["process"], 16)):
                 continue
             with contextlib.suppress(OSError):
-                Path(entry.path).unlink()
+                if entry.is_dir(follow_symlinks=False):
+                    shutil.rmtree(entry.path, ignore_errors=True)
+                else:
+                    Path(entry.path).unlink()
 
 
 def _lives(process: int) -> bool:
