@@ -3,6 +3,7 @@
 OpenImageIO for most, libheif for HEIC, Pillow for AVIF and what is not RGB, LibRaw for raw files.
 """
 
+import logging
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,6 +33,9 @@ from deeplight.io.heif_boxes import HeifHeader, read_header
 from deeplight.io.image_file import check_size, damaged, first_bytes, not_an_image, opened
 from deeplight.io.radiance import is_floating_point, orientation_of, read_radiance
 from deeplight.io.raw import develop, is_raw
+
+# Pillow reports damage in errors too; a logger without a handler prints on stderr.
+logging.getLogger("PIL").addHandler(logging.NullHandler())
 
 MAX_PHOTO_PIXELS = 100_000_000
 
