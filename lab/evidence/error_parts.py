@@ -27,7 +27,7 @@ from deeplight.training.losses import RigBases, masked_l1, soft_clip
 from deeplight.training.model_file import load_network
 from deeplight.training.validation import some_of
 
-SHIPPED = Path(__file__).resolve().parents[1] / "src/deeplight/weights/deeplight.onnx"
+SHIPPED = Path(__file__).resolve().parents[2] / "src/deeplight/weights/deeplight.onnx"
 SPLITS = ("val_indoor", "val_outdoor")
 SCALES = torch.linspace(-1.5, 1.5, 25)  # added to ln radiance
 DARK = 0.003  # added to linear values before a logarithm

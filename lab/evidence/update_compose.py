@@ -31,7 +31,7 @@ from lab.evidence.compose_evidence_tables import (
 )
 from lab.evidence.update_results import RefusedError, replaced, table
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path("runs/compose_test")
 WEIGHTS = Path("src/deeplight/weights/deeplight.onnx")
 DOCUMENT = Path("docs/compose.md")

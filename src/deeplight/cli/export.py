@@ -31,6 +31,8 @@ class Args:
     """Number of them, evenly spread."""
     trained_on: str = ""
     """Of a run: what it was trained on, in words; the file keeps them."""
+    without_colour: bool = False
+    """Leave out the photo's colour (network.colour) that a run learnt to add to the light's."""
 
 
 def run(args: Args) -> None:
@@ -48,6 +50,7 @@ def run(args: Args) -> None:
             args.calibrate,
             args.photos,
             args.trained_on,
+            args.without_colour,
         )
     size = args.out.stat().st_size / 1e6
     console.print(

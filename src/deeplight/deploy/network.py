@@ -21,6 +21,7 @@ def write_network(
     calibrate: Path | None = None,
     photos: int = 128,
     trained_on: str = "",
+    without_colour: bool = False,
 ) -> ModelContract:
     """Write a trained network to `out`; gives the contract in the file.
 
@@ -32,6 +33,7 @@ def write_network(
         calibrate: data set whose training photos choose the integers.
         photos: number of them.
         trained_on: what a run was trained on, in words; the file keeps them.
+        without_colour: leave out what a run learnt of the photo's colour (`network.colour`).
 
     Raises:
         InputError: the model, the settings or the data set cannot be used.
@@ -40,6 +42,8 @@ def write_network(
     from deeplight.training.model_file import load_network
 
     generator, contract = load_network(model, trained_on)
+    if without_colour:
+        generator.colour = None
     if form == "onnx":
         from deeplight.deploy.onnx import export_onnx
 
