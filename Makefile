@@ -8,13 +8,13 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 # Without it PyPI's build for Linux would bring gigabytes of CUDA; the tests need none of it.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
-EXTRAS := capture,cluster,dev,heic,litert,render,train
+EXTRAS := capture,cluster,dev,heic,litert,raw,render,sun,train,usd
 
 # The tests run in $(JOBS) processes; without this each would start a thread per core.
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint coverage docs ci bench results ablation round-trip web web-test web-e2e web-ci clean
+.PHONY: help run test lint coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
@@ -22,6 +22,7 @@ help:
 	@echo "make lint   ruff, mypy, import rules"
 	@echo "make docs   the documents as a site, with the API reference, in out/site"
 	@echo "make coverage  the tests, and that they reach 95 % of the lines"
+	@echo "make fuzz   damaged files of every format into every reader (CASES=per format)"
 	@echo "make ci     what CI runs: lint, the live page's tests (if there is node), test"
 	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
 	@echo "make results evaluate the model on DATA and rewrite the numbers in the documents"
@@ -49,6 +50,11 @@ lint: $(VENV)/.installed-test
 
 coverage: $(VENV)/.installed-test
 	$(BIN)/pytest -n $(JOBS) --dist loadfile --cov=deeplight --cov-report=term-missing:skip-covered --cov-fail-under=95
+
+CASES ?= 1000
+
+fuzz: $(VENV)/.installed-test
+	$(BIN)/python -m lab.fuzz --cases $(CASES)
 
 docs: $(VENV)/.installed-test
 	$(PIP) install --quiet --editable ".[docs]"

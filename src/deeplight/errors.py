@@ -65,7 +65,7 @@ class MissingExtraError(InputError):
         super().__init__(
             f"the optional packages of '{extra}' for {needed_for}",
             "an installation without them",
-            f'run: pip install "deeplight[{extra}]"',
+            f'run: pip install ".[{extra}]" in deeplight\'s folder',
         )
 
     def __reduce__(self) -> tuple[type[Self], tuple[str, ...]]:

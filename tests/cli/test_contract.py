@@ -70,7 +70,7 @@ def test_a_verb_gets_its_arguments_and_exits_0(verb: Callable[[Run], None]) -> N
         (
             ModuleNotFoundError("No module named 'torch'", name="torch.nn"),
             "expected the optional packages of 'train' for `deeplight fake`; "
-            'got an installation without them; run: pip install "deeplight[train]"',
+            'got an installation without them; run: pip install ".[train]" in deeplight\'s folder',
         ),
     ],
 )

@@ -123,4 +123,4 @@ def test_no_model_is_one_line(tmp_path, capfd):
 )
 def test_without_the_converter_its_extra_is_told(tiny, tmp_path, capfd):
     assert main(["export", str(tiny), "--out", str(tmp_path / "a.tflite")]) == 2
-    assert 'pip install "deeplight[tflite]"' in capfd.readouterr().err
+    assert 'pip install ".[tflite]"' in capfd.readouterr().err

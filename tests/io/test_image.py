@@ -82,7 +82,7 @@ def test_heic_without_its_extra_names_the_command(
     monkeypatch.setitem(sys.modules, "pillow_heif", None)
     path = tmp_path / "photo.heic"
     path.write_bytes(b"\0\0\0\x18ftypheic" + bytes(100))
-    with pytest.raises(MissingExtraError, match=r'pip install "deeplight\[heic\]"'):
+    with pytest.raises(MissingExtraError, match=r'pip install "\.\[heic\]"'):
         read_photo(path)
 
 

@@ -167,7 +167,7 @@ def test_without_its_extra_raw_is_refused_as_raw(
 ) -> None:
     monkeypatch.setitem(sys.modules, "rawpy", None)
     write_dng(tmp_path / name, thumbnail=thumbnail)
-    with pytest.raises(MissingExtraError, match=r'raw.*pip install "deeplight\[raw\]"'):
+    with pytest.raises(MissingExtraError, match=r'raw.*pip install "\.\[raw\]"'):
         read_photo(tmp_path / name)
 
 

@@ -129,7 +129,7 @@ def test_without_its_extra_the_command_is_named(
     path = tmp_path / "film.mp4"
     path.write_bytes(b"x")
     monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(MissingExtraError, match=r'pip install "deeplight\[capture\]"'):
+    with pytest.raises(MissingExtraError, match=r'pip install "\.\[capture\]"'):
         next(frames(path))
 
 

@@ -87,7 +87,7 @@ def test_estimate_takes_a_tflite_file(golden, root, tmp_path, capfd):
 def test_without_the_runtime_the_extra_is_told(golden, monkeypatch):
     monkeypatch.setitem(sys.modules, "ai_edge_litert", None)
     monkeypatch.delitem(sys.modules, "deeplight.estimators.litert", raising=False)
-    with pytest.raises(MissingExtraError, match=r"deeplight\[litert\]"):
+    with pytest.raises(MissingExtraError, match=r"\.\[litert\]"):
         open_model(golden / "tiny.tflite")
 
 

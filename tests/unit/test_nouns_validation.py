@@ -90,7 +90,7 @@ def test_errors_come_back_whole_from_a_worker_process() -> None:
 
 
 def test_a_missing_extra_names_the_command() -> None:
-    assert 'pip install "deeplight[capture]"' in str(MissingExtraError("capture", "video"))
+    assert 'pip install ".[capture]"' in str(MissingExtraError("capture", "video"))
 
 
 def test_every_error_of_ours_is_caught_by_its_roots() -> None:

@@ -37,6 +37,7 @@ RENAMED = {"panoramas": "fetch", "render": "transfer"}
 """Verbs of earlier versions -> what they are called now."""
 
 EXTRA_OF = {
+    "DracoPy": "render",
     "ai_edge_litert": "litert",
     "ai_edge_quantizer": "tflite",
     "av": "capture",
@@ -54,8 +55,10 @@ EXTRA_OF = {
     "astral": "sun",
     "pxr": "usd",
     "pygeomag": "sun",
+    "rawpy": "raw",
     "ray": "cluster",
     "safetensors": "train",
+    "scipy": "render",
     "tensorboard": "train",
     "torch": "train",
     "trimesh": "render",
