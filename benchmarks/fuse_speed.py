@@ -22,7 +22,7 @@ from deeplight.estimators.open import open_model
 from deeplight.fuse.fuse import fuse_frames
 from deeplight.fuse.session import Session
 from deeplight.fuse.sources import read_frames
-from deeplight.io.video import stills
+from deeplight.io.video import video_frames
 from deeplight.io.video_writer import VideoWriter
 from deeplight.simulate.panorama import load, places_in
 from lab.pans import Pan, Sweep, Troubles, film_pan
@@ -67,8 +67,8 @@ def clip_times(pan: Pan, path: Path) -> None:
         for frame in pan.frames:
             for _ in range(REPEATED):
                 writer.write(frame.pixels)
-    count = timed("decode", lambda: sum(1 for _ in stills(path)))
-    timed("decode to RGB", lambda: sum(still.rgb().size for still in stills(path)))
+    count = timed("decode", lambda: sum(1 for _ in video_frames(path)))
+    timed("decode to RGB", lambda: sum(still.rgb().size for still in video_frames(path)))
     frames = timed("choose frames", lambda: read_frames([path], None))
     model = open_model(threads=1)
     fused = timed("place, estimate and fuse", lambda: fuse_frames(frames, model))

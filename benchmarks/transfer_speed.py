@@ -16,7 +16,7 @@ from deeplight.compose import shapes
 from deeplight.compose.mesh import Mesh
 from deeplight.transfer.file import encode
 from deeplight.transfer.mesh import prepared
-from deeplight.transfer.precompute import Settings, precompute
+from deeplight.transfer.precompute import TransferSettings, precompute
 from deeplight.transfer.rays import Blockers, frames_at, hemisphere
 
 # Cells of the bunny, longest edge, order, samples, bounces, with gloss.
@@ -39,7 +39,7 @@ def main() -> None:
 def measure(cells: int, edge: float, order: int, samples: int, bounces: int, gloss: int) -> None:
     """Print one row."""
     mesh = Mesh(*shapes.bunny(cells))
-    settings = Settings(
+    settings = TransferSettings(
         order=order,
         samples=samples,
         bounces=bounces,

@@ -17,7 +17,7 @@ from deeplight.frames import turned, world_from_camera
 from deeplight.io.atomic import replacing
 from deeplight.mappings.resample import sample_latlong
 from deeplight.simulate.panorama import Place, load
-from deeplight.simulate.phone import PHONES, develop, draw_habits, metered
+from deeplight.simulate.phone import PHONES, develop, draw_automatics, metered
 
 FOCAL_LENGTH_IN_35MM = 0xA405  # EXIF tags
 EXIF_FOLDER = 0x8769
@@ -31,10 +31,10 @@ def main(panorama: Path, out: Path, yaw_deg: float = 0.0, pitch_deg: float = -15
     pose = world_from_camera(np.radians(yaw_deg), np.radians(pitch_deg))
     seen = sample_latlong(radiance, turned(camera.rays().astype(np.float32), pose))
     rng = np.random.default_rng(0)
-    habits = draw_habits(PHONES["paper"], rng)
+    automatics = draw_automatics(PHONES["paper"], rng)
     places = seen[::40, ::40].reshape(-1, 3)
-    setting = metered(places, radiance.mean(axis=(0, 1)), habits)
-    photo = develop(seen, setting.gain, habits, 4, rng)
+    setting = metered(places, radiance.mean(axis=(0, 1)), automatics)
+    photo = develop(seen, setting.gain, automatics, 4, rng)
 
     exif = Image.Exif()
     half_diagonal = np.hypot(*camera.tangents)

@@ -30,10 +30,10 @@ from deeplight.mappings import resample
 from deeplight.simulate.panorama import Place, load, places_in
 from deeplight.simulate.phone import (
     PHONES,
-    Habits,
+    CameraAutomatics,
     Setting,
     develop,
-    draw_habits,
+    draw_automatics,
     follow,
     metered,
     vignetting,
@@ -141,7 +141,7 @@ def film_pan(
 ) -> Pan:
     """Film one pan of (height, width) frames; `rng` decides everything."""
     camera = PinholeCamera(size[1], size[0], PHONES[phone].vertical_fov_rad)
-    habits = _habits(phone, troubles, rng)
+    automatics = _habits(phone, troubles, rng)
     start = rotation("y", rng.uniform(0, 2 * np.pi))
     poses = [start @ pose @ _shake(troubles, rng) for pose in sweep.poses()]
     kept = [k for k in range(len(poses)) if k == 0 or rng.random() >= troubles.dropped]
@@ -156,21 +156,21 @@ def film_pan(
         seen = _exposed(place, camera, poses[k], troubles.blur_rad)
         for person in people:
             seen = person.standing_in(seen, camera, poses[k], k, float(np.median(panorama)))
-        wanted = metered(seen[::8, ::8].reshape(-1, 3), _illuminant(coarse, poses[k]), habits)
-        setting = follow(setting, wanted, habits.speed)
+        wanted = metered(seen[::8, ::8].reshape(-1, 3), _illuminant(coarse, poses[k]), automatics)
+        setting = follow(setting, wanted, automatics.speed)
         first = first or setting
         stops = sweep.bracket_stops[k % len(sweep.bracket_stops)]
         used = follow(first, setting, troubles.exposure)
         log_gain = np.array(used.log_gain) + stops * np.log(2)
-        lens = _lens(camera, habits)
+        lens = _lens(camera, automatics)
         gain = np.exp(log_gain).astype(np.float32) * lens
-        pixels = develop(seen, gain, habits, _SENSOR_PIXELS, rng)
+        pixels = develop(seen, gain, automatics, _SENSOR_PIXELS, rng)
         frames.append(PanFrame(pixels, poses[k], log_gain))
     return Pan(panorama, camera, frames)
 
 
-def _habits(phone: str, troubles: Troubles, rng: np.random.Generator) -> Habits:
-    drawn = draw_habits(PHONES[phone], rng)
+def _habits(phone: str, troubles: Troubles, rng: np.random.Generator) -> CameraAutomatics:
+    drawn = draw_automatics(PHONES[phone], rng)
     if troubles.response:
         return drawn
     return replace(drawn, gamma=GAMMA, contrast=0.0, vignette=0.0, noise=0.0)
@@ -207,10 +207,12 @@ def _illuminant(panorama: np.ndarray, pose: Rotation) -> Float[np.ndarray, "3"]:
     return np.maximum(facing.mean(axis=0), 1e-6 * facing.max())
 
 
-def _lens(camera: PinholeCamera, habits: Habits) -> Float[np.ndarray, "height width 1"]:
+def _lens(
+    camera: PinholeCamera, automatics: CameraAutomatics
+) -> Float[np.ndarray, "height width 1"]:
     row = (np.arange(camera.height) + 0.5) * (2 / camera.height) - 1
     column = (np.arange(camera.width) + 0.5) * (2 / camera.width) - 1
-    return vignetting(row[:, None], column[None], habits).astype(np.float32)[..., None]
+    return vignetting(row[:, None], column[None], automatics).astype(np.float32)[..., None]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from deeplight.camera import PinholeCamera
 from deeplight.capture.conic import Cone, Ellipse, ellipse
 from deeplight.capture.located import Located, LocateSettings, cones_of
-from deeplight.io.video import Still
+from deeplight.io.video import VideoFrame
 from deeplight.io.video_writer import VideoWriter
 from deeplight.sphere import PAPER_RIG, SPHERES
 
@@ -54,7 +54,7 @@ def write_clip(
 
 
 def paper_located(
-    stills: Iterable[Still], camera: PinholeCamera, how: LocateSettings | None = None
+    stills: Iterable[VideoFrame], camera: PinholeCamera, how: LocateSettings | None = None
 ) -> Located:
     """Stands in for `locate`: reads the clip and answers with the rig that was drawn."""
     first = [still.rgb() for still in stills if still.number == 0]

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from deeplight.camera import PinholeCamera
-from deeplight.compose.compose import Composed, Item, Settings, compose
+from deeplight.compose.compose import Composed, ComposeSettings, Item, compose
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.trace import Quality
 from deeplight.estimators.environment import scene_light
@@ -66,7 +66,7 @@ def made(name: str, items: list[Item], **changes: bool) -> Composed:
         scene_light(estimate).environment.radiance,
         Viewpoint(camera, pitch_rad=PITCH_RAD),
         items,
-        Settings(QUALITY, "scalar", **changes),
+        ComposeSettings(QUALITY, "scalar", **changes),
         estimate.framing.bottom,
     )
 

@@ -14,7 +14,7 @@ from PIL import Image
 from deeplight.dataset.contact_sheet import column, grid, label
 from deeplight.io.atomic import replacing
 from deeplight.io.photos import encode_jpeg
-from deeplight.io.video import stills
+from deeplight.io.video import video_frames
 
 HEIGHT, COLUMNS, MOST = 240, 9, 27
 
@@ -22,7 +22,7 @@ HEIGHT, COLUMNS, MOST = 240, 9, 27
 def tile(clip: Path) -> np.ndarray:
     truth = json.loads(clip.with_suffix(".truth.json").read_text())
     shown = sum(not frame["dropped"] for frame in truth["frames"])
-    still = next(still for still in stills(clip) if still.number == shown // 2)
+    still = next(still for still in video_frames(clip) if still.number == shown // 2)
     picture = Image.fromarray(np.ascontiguousarray(still.rgb()))
     picture.thumbnail((HEIGHT * 9 // 16, HEIGHT))
     framed = np.full((HEIGHT, HEIGHT * 9 // 16, 3), 30, np.uint8)

@@ -22,7 +22,7 @@ from deeplight.capture.locate import Located, LocateSettings, NotLocated, locate
 from deeplight.capture.located import cones_of
 from deeplight.capture.rig_file import read_rig_file
 from deeplight.io.photos import write_png
-from deeplight.io.video import stills
+from deeplight.io.video import video_frames
 from deeplight.sphere import SPHERES
 
 
@@ -62,7 +62,7 @@ def score(clip: Path, how: LocateSettings, overlays: Path | None) -> tuple[Score
     start, found, reason = time.perf_counter(), None, ""
     picture: np.ndarray | None
     try:
-        found = locate(stills(clip), camera, how)
+        found = locate(video_frames(clip), camera, how)
         picture = found.overlay
     except NotLocated as error:
         reason, picture = error.got, error.overlay

@@ -65,7 +65,9 @@ def picture(
     height, width, _ = photo.shape
     kept = height * BACKGROUND_FRACTION
     item = compose.Item("bunny", material, (STANDS[0] * width, STANDS[1] * kept), turn_deg=20)
-    settings = compose.Settings(QUALITY, ENGINE, texture=False, blur=False, grain=False, seed=seed)
+    settings = compose.ComposeSettings(
+        QUALITY, ENGINE, texture=False, blur=False, grain=False, seed=seed
+    )
     view = viewpoint(example, height, width)
     words = f"{view} {item} {settings} {version('mitsuba')} {SOURCES}"
     meshes = [array for part in mesh.load(item.object) for array in (part.vertices, part.faces)]

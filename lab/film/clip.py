@@ -11,7 +11,14 @@ from deeplight.camera_response import GAMMA
 from deeplight.frames import Rotation, rotation
 from deeplight.io.colour import hlg_pixels
 from deeplight.mappings.resample import turned_ball
-from deeplight.simulate.phone import PHONES, Habits, Setting, draw_habits, follow, metered
+from deeplight.simulate.phone import (
+    PHONES,
+    CameraAutomatics,
+    Setting,
+    draw_automatics,
+    follow,
+    metered,
+)
 from deeplight.sphere import SPHERES
 from lab.film.hand import Hand, draw_hand
 from lab.film.overlay import Solid, finger_in_picture
@@ -27,7 +34,7 @@ SIDEWAYS = rotation("z", np.pi / 2)  # upright landscape frame from the phone's 
 _BLUR_STEP_PX, _MOST_STEPS = 3.0, 6  # a shutter's sub-frames: one for so many pixels
 _MIRROR_STEP_PX = 40.0  # the same for the mirror, in which the place moves that much slower
 _SHUTTER_S = {"indoor": (1 / 120, 1 / 50), "outdoor": (1 / 1000, 1 / 200)}
-_SLOWER = 0.12  # `Habits.speed` is of frames far apart; film is smooth
+_SLOWER = 0.12  # `CameraAutomatics.speed` is of frames far apart; film is smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +90,7 @@ class Clip:
         self._noise = np.random.default_rng([*seed, 1])
         phone = PHONES[recipe.phone]
         self.phone_camera = PinholeCamera(recipe.size, recipe.height, phone.vertical_fov_rad)
-        self._habits = _with_troubles(draw_habits(phone, rng), troubles)
+        self._habits = _with_troubles(draw_automatics(phone, rng), troubles)
         side = float(rng.choice([-1, 1]) * rng.uniform(0.24, 0.34))
         side *= "partly_out" in troubles
         person = self.upright_from_phone.T
@@ -207,14 +214,14 @@ class _Finger:
         return finger_in_picture(self._camera, tuple(tip), tuple(self._root), self._radius_px)
 
 
-def _with_troubles(habits: Habits, troubles: tuple[str, ...]) -> Habits:
+def _with_troubles(automatics: CameraAutomatics, troubles: tuple[str, ...]) -> CameraAutomatics:
     if "dark" in troubles:
-        habits = replace(habits, bias_stops=-2.5, noise=max(habits.noise, 1e-3) * 4)
+        automatics = replace(automatics, bias_stops=-2.5, noise=max(automatics.noise, 1e-3) * 4)
     if "over_exposed" in troubles:
-        habits = replace(habits, bias_stops=1.3, highlight_share=0.4)
+        automatics = replace(automatics, bias_stops=1.3, highlight_share=0.4)
     if "hlg10" in troubles:  # a standard's curve, not a maker's
-        habits = replace(habits, gamma=GAMMA, contrast=0.0)
-    return habits
+        automatics = replace(automatics, gamma=GAMMA, contrast=0.0)
+    return automatics
 
 
 def _shutter(scene: str, troubles: tuple[str, ...], rng: np.random.Generator) -> float:

@@ -9,7 +9,7 @@ from deeplight.camera import PinholeCamera
 from deeplight.camera_response import encode
 from deeplight.frames import Rotation, looking_at, turned
 from deeplight.mappings import mirror_ball, resample
-from deeplight.simulate.phone import Habits, vignetting
+from deeplight.simulate.phone import CameraAutomatics, vignetting
 from deeplight.sphere import CROP_SIZE, SPHERES
 from lab.film.overlay import Solid, holder_in_picture, sphere_patch
 from lab.film.reflections import CROP, Crop
@@ -39,20 +39,20 @@ class FrameMaker:
         rig: FilmRig,
         camera: PinholeCamera,
         world: World,
-        habits: Habits,
+        automatics: CameraAutomatics,
         upright_from_phone: Rotation = _IDENTITY,
     ) -> None:
-        self._world, self._habits = world, habits
+        self._world, self._habits = world, automatics
         self._holder = holder_in_picture(rig, camera)
         self._patches = {name: sphere_patch(rig, name, camera) for name in SPHERES}
         self._alpha = {name: rig.view(name, CROP).alpha()[..., None] for name in SPHERES}
         self._turned = {
             name: _upright_crop(rig.centres_m[name], upright_from_phone) for name in SPHERES
         }
-        self._lens = _lens(camera.height, camera.width, habits)
-        self._half_lens = _lens(-(-camera.height // 2), -(-camera.width // 2), habits)
+        self._lens = _lens(camera.height, camera.width, automatics)
+        self._half_lens = _lens(-(-camera.height // 2), -(-camera.width // 2), automatics)
         self._shape = camera.height, camera.width
-        self.curve = tone_curve(habits)
+        self.curve = tone_curve(automatics)
 
     def root(
         self,
@@ -160,12 +160,12 @@ class FrameMaker:
         frame[(slice(None), *at)] = np.sqrt(under + solid.alpha * (shade - under)).T
 
 
-def tone_curve(habits: Habits) -> Float32[np.ndarray, "table"]:
+def tone_curve(automatics: CameraAutomatics) -> Float32[np.ndarray, "table"]:
     """The pixel value, 0 to 255 and beyond, at roots of radiance up to that of `_BRIGHTEST`."""
     radiance = np.linspace(0, np.sqrt(_BRIGHTEST), _TABLE) ** 2
-    pixel = encode(radiance, habits.gamma)
+    pixel = encode(radiance, automatics.gamma)
     below = np.minimum(pixel, 1)
-    pixel = pixel + habits.contrast * below * (1 - below) * (2 * below - 1)
+    pixel = pixel + automatics.contrast * below * (1 - below) * (2 * below - 1)
     return (pixel * 255).astype(np.float32)
 
 
@@ -202,8 +202,10 @@ def _upright_crop(
     return index
 
 
-def _lens(height: int, width: int, habits: Habits) -> Float32[np.ndarray, "height width"]:
+def _lens(
+    height: int, width: int, automatics: CameraAutomatics
+) -> Float32[np.ndarray, "height width"]:
     """Share of light that the lens passes."""
     row = (np.arange(height) + 0.5) * (2 / height) - 1
     column = (np.arange(width) + 0.5) * (2 / width) - 1
-    return vignetting(row[:, None], column[None, :], habits).astype(np.float32)
+    return vignetting(row[:, None], column[None, :], automatics).astype(np.float32)

@@ -139,12 +139,12 @@ def test_an_own_class_estimates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
 
 def test_photos_compose_and_fuse_through_public_names(tmp_path: Path) -> None:
     pytest.importorskip("mitsuba")
-    from deeplight.compose.compose import Settings
+    from deeplight.compose.compose import ComposeSettings
     from deeplight.compose.trace import Quality
 
     photo = np.full((96, 64, 3), 120, np.uint8)
     light = deeplight.estimate(photo, 66, height=64)
-    quick = Settings(quality=Quality(4, 4, 100))
+    quick = ComposeSettings(quality=Quality(4, 4, 100))
     composed = deeplight.compose_photo(photo, ["sphere"], light, settings=quick)
     changed = (composed.composite.pixels != photo).any(-1)
     assert 0 < changed.mean() < 0.9

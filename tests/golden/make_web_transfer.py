@@ -21,7 +21,7 @@ from deeplight.lighting import Lighting
 from deeplight.mappings.mirror_ball import pixel_directions
 from deeplight.transfer import file as transfer_file
 from deeplight.transfer.ground import Ground
-from deeplight.transfer.precompute import Settings, precompute
+from deeplight.transfer.precompute import TransferSettings, precompute
 from deeplight.transfer.view import Eye, View, view
 
 FILE = GOLDEN / "transfer.json"
@@ -34,7 +34,7 @@ def made() -> bytes:
     vertices, faces, normals = shapes.bunny(16)
     colours = 0.2 + 0.6 * (normals + 1) / 2
     mesh = Mesh(vertices, faces, normals, None, colours, Finish())
-    settings = Settings(
+    settings = TransferSettings(
         samples=256,
         diffuse=None,
         ground=Ground(size=16),

@@ -163,7 +163,7 @@ def test_huge_frames_are_refused_before_they_are_decoded(
 
 
 def test_the_same_file_is_read_where_it_is_small(tmp_path: Path) -> None:
-    assert len(list(video.stills(bomb(tmp_path / "a.mov", 64, 64)))) == 3
+    assert len(list(video.video_frames(bomb(tmp_path / "a.mov", 64, 64)))) == 3
 
 
 def test_frames_that_change_their_size_are_refused(tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_frames_that_change_their_size_are_refused(tmp_path: Path) -> None:
             packet.stream, packet.time_base = stream, Fraction(1, 30)
             container.mux(packet)
     with pytest.raises(video.ImageFileError, match="change their size"):
-        list(video.stills(clip))
+        list(video.video_frames(clip))
 
 
 @pytest.mark.usefixtures("known_rig")

@@ -9,7 +9,7 @@ import pytest
 
 from deeplight.cli.main import run_command
 from deeplight.io.radiance import write_exr
-from deeplight.io.video import facts, stills
+from deeplight.io.video import facts, video_frames
 from deeplight.mappings import latlong
 from deeplight.sphere import SPHERES
 
@@ -61,7 +61,7 @@ def test_truth_and_film_tell_the_same(films: Path) -> None:
     for clip in clips:
         truth = json.loads(clip.with_suffix(".truth.json").read_text())
         shown = [frame for frame in truth["frames"] if not frame["dropped"]]
-        got = list(stills(clip))
+        got = list(video_frames(clip))
         assert len(got) == len(shown)
         times = [frame["time_s"] for frame in shown]
         np.testing.assert_allclose([still.time_s for still in got], times, atol=2e-5)
@@ -78,7 +78,7 @@ def test_the_filmed_sphere_is_where_the_truth_says(films: Path) -> None:
     """The true crop's colour is found at the true place, and not beside it."""
     clip = sorted(films.glob("clips/*.mp4"))[0]
     truth = json.loads(clip.with_suffix(".truth.json").read_text())
-    picture = next(stills(clip)).rgb().astype(float)
+    picture = next(video_frames(clip)).rgb().astype(float)
     with np.load(clip.with_suffix(".truth.npz"), allow_pickle=False) as arrays:
         crop = arrays["crops"][0, SPHERES.index("diffuse")].astype(float)
     ellipse = truth["rig"]["spheres"]["diffuse"]["ellipse_px"]

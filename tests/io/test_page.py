@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deeplight.report.chart import Chart, Curve, Mark, round_numbers
-from deeplight.report.page import Figure, Heading, Link, Page, Paragraph, Row, Table
+from deeplight.report.page import Figure, Heading, Link, Page, PageRow, Paragraph, Table
 
 PIXELS = np.full((4, 6, 3), 90, np.uint8)
 
@@ -19,7 +19,7 @@ def test_text_is_escaped_and_nothing_comes_from_the_network(tmp_path: Path) -> N
         Heading('"><img src=x>'),
         Paragraph("<b>bold</b>", "warning"),
         Table(("<i>", "n"), [("<u>", 3), (Link("<s>", "a.html"), 4.5)]),
-        Row([Figure(PIXELS, "<em>", alt='"quoted"')], "side by side"),
+        PageRow([Figure(PIXELS, "<em>", alt='"quoted"')], "side by side"),
         Figure(PIXELS, exact=True),
         Chart("<svg>", [Curve("</svg>", [0, 1], [0, 1])], [Mark("<k>", [0.5])]),
     )

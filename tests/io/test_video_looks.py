@@ -13,7 +13,7 @@ import pytest
 
 from deeplight.errors import ImageFileError
 from deeplight.io.colour import BT2020, DISPLAY_P3, bt709_from_primaries, srgb_decode, srgb_encode
-from deeplight.io.video import _film_of, facts, frames, stills
+from deeplight.io.video import _film_of, facts, frames, video_frames
 from deeplight.io.video_frame import Appearance
 
 av = pytest.importorskip("av")
@@ -90,7 +90,7 @@ def worst(got: np.ndarray, wanted: np.ndarray) -> float:
 @pytest.mark.parametrize("orientation", MATRICES)
 def test_every_turn_and_mirror_is_undone(tmp_path: Path, orientation: int) -> None:
     path = displayed(film(tmp_path / "a.mp4", stored(orientation)), MATRICES[orientation])
-    still = next(stills(path))
+    still = next(video_frames(path))
     assert worst(still.rgb(), scene()) <= 4
     assert worst(still.luma, scene() @ [0.2126, 0.7152, 0.0722]) <= 4
     shares = still.averaged_luma(lambda grey: grey[12::24, 16::32])
@@ -115,7 +115,7 @@ def test_pixels_become_square(tmp_path: Path, aspect: Fraction, orientation: int
     long = round(96 * max(aspect, 1 / aspect))
     wide = (aspect > 1) == (orientation == 1)
     height, width = (96, long) if wide else (long, 96)
-    still = next(stills(path))
+    still = next(video_frames(path))
     assert still.rgb().shape == (height, width, 3)
     assert worst(still.rgb(), scene(height, width)) <= 4
     assert still.luma.shape == (height, width)
@@ -125,7 +125,7 @@ def test_pixels_become_square(tmp_path: Path, aspect: Fraction, orientation: int
 @pytest.mark.parametrize("aspect", [Fraction(1001, 1000), Fraction(90, 1)])
 def test_nearly_square_and_absurd_pixels_are_square(tmp_path: Path, aspect: Fraction) -> None:
     path = film(tmp_path / "a.mp4", scene(), sample_aspect_ratio=aspect)
-    assert next(stills(path)).rgb().shape == scene().shape
+    assert next(video_frames(path)).rgb().shape == scene().shape
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from deeplight.io.colour import (
     radiance_from_hlg,
     radiance_from_pq,
 )
-from deeplight.io.video import facts, frames, stills
+from deeplight.io.video import facts, frames, video_frames
 from deeplight.io.video_writer import VideoWriter
 
 av = pytest.importorskip("av")
@@ -51,7 +51,7 @@ def test_colours_luma_and_turn_come_back(tmp_path: Path, codec: str, rotation_de
     """8 bits in BT.709 and 10-bit HLG in BT.2020 show the same picture, however it is stored."""
     path = film(tmp_path / "a.mp4", codec, rotation_deg)
     wanted = middles(encode(patches()) * 255)
-    clip = list(stills(path))
+    clip = list(video_frames(path))
     assert len(clip) == COUNT
     for still in (clip[0], clip[-1]):
         got = middles(still.rgb())
@@ -66,7 +66,7 @@ def test_colours_luma_and_turn_come_back(tmp_path: Path, codec: str, rotation_de
 
 @pytest.mark.parametrize("codec", ["libx264", "libx265"])
 def test_channels_and_averaged_luma_are_the_pictures(tmp_path: Path, codec: str) -> None:
-    still = next(stills(film(tmp_path / "a.mp4", codec, 90)))
+    still = next(video_frames(film(tmp_path / "a.mp4", codec, 90)))
     np.testing.assert_array_equal(np.stack(still.channels(), axis=-1), still.rgb())
     assert still.luma.flags.c_contiguous
     shares = still.averaged_luma(lambda grey: grey[::16, ::16])
@@ -79,7 +79,7 @@ def test_channels_and_averaged_luma_are_the_pictures(tmp_path: Path, codec: str)
 
 def test_a_wrong_turn_would_be_noticed(tmp_path: Path) -> None:
     """The twin: the picture of the test above differs from itself upside down."""
-    still = next(stills(film(tmp_path / "a.mp4", "libx264", 90)))
+    still = next(video_frames(film(tmp_path / "a.mp4", "libx264", 90)))
     wanted = middles(encode(patches()) * 255)
     assert np.abs(middles(still.rgb())[::-1, ::-1] - wanted).max() > 30
 
@@ -87,7 +87,7 @@ def test_a_wrong_turn_would_be_noticed(tmp_path: Path) -> None:
 def test_uneven_times_come_back(tmp_path: Path) -> None:
     times = np.array([0.0, 0.031, 0.08, 0.11, 0.19, 0.2])
     path = film(tmp_path / "a.mp4", "libx264", times=times)
-    got = [still.time_s for still in stills(path)]
+    got = [still.time_s for still in video_frames(path)]
     np.testing.assert_allclose(got, times, atol=1e-4)
     assert facts(path).variable_rate is True
     even = facts(film(tmp_path / "b.mp4", "libx264"))
@@ -114,7 +114,7 @@ def test_luma_is_full_range(tmp_path: Path, pixel_format: str, full: bool) -> No
         )
         container.mux(stream.encode(frame))
         container.mux(stream.encode())
-    luma = next(stills(path)).luma[32].astype(int)
+    luma = next(video_frames(path)).luma[32].astype(int)
     assert np.abs(luma - wedge[32, :, 0]).max() <= 3
 
 
@@ -153,11 +153,11 @@ def cut(path: Path, share: float) -> Path:
 
 
 def test_a_fault_in_the_middle_comes_after_the_good_frames(tmp_path: Path) -> None:
-    assert len(list(stills(cut(tmp_path / "whole.mp4", 1.0)))) == 20
+    assert len(list(video_frames(cut(tmp_path / "whole.mp4", 1.0)))) == 20
     got: list[int] = []
 
     def watched() -> Iterator[int]:
-        for still in stills(cut(tmp_path / "cut.mp4", 0.6)):
+        for still in video_frames(cut(tmp_path / "cut.mp4", 0.6)):
             got.append(still.number)
             yield still.number
 
@@ -179,7 +179,7 @@ def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     huge = film(tmp_path / "huge.mp4", "libx264")
     monkeypatch.setattr("deeplight.io.video.MAX_VIDEO_PIXELS", WIDTH * HEIGHT - 1)
     for path, told in ((silent, "without video"), (empty, "0 bytes"), (huge, "64 x 96")):
-        for read in (facts, lambda p: list(stills(p))):
+        for read in (facts, lambda p: list(video_frames(p))):
             with pytest.raises(ImageFileError, match=told) as caught:
                 read(path)
             assert "\n" not in str(caught.value)
@@ -207,7 +207,7 @@ def test_greys_come_back_to_the_level(tmp_path: Path) -> None:
     wedge[:] = levels.repeat(16)[None, :, None]
     with VideoWriter(tmp_path / "a.mp4", wedge.shape[1], 96, 30, quality=2) as video:
         video.write(wedge)
-    still = next(stills(tmp_path / "a.mp4"))
+    still = next(video_frames(tmp_path / "a.mp4"))
     for got in (*still.rgb()[48, 8::16].T, still.luma[48, 8::16]):
         errors = got.astype(int) - levels
         assert np.abs(errors).max() <= 1

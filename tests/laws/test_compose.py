@@ -10,16 +10,16 @@ from PIL import Image
 
 from deeplight.camera import PinholeCamera
 from deeplight.compose import materials
-from deeplight.compose.compose import Item, Settings, compose
+from deeplight.compose.compose import ComposeSettings, Item, compose
 from deeplight.compose.composite import RESPONSE, composite
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.mesh import load, standing
 from deeplight.compose.mitsuba_variant import mitsuba
 from deeplight.compose.scene import (
+    ImageWindow,
     Scene,
     Solid,
     Texture,
-    Window,
     irradiance_on_plane,
     mitsuba_scene,
     sensor,
@@ -68,7 +68,7 @@ def inside_the_scene(true: Scene, samples: int = 256) -> np.ndarray:
     """Radiance of the whole picture, object and plane together, straight from Mitsuba."""
     mi = mitsuba("scalar")
     loaded = mitsuba_scene(mi, true)
-    camera = sensor(mi, VIEW, Window.over((0, 0, 64, 48), 1.0))
+    camera = sensor(mi, VIEW, ImageWindow.over((0, 0, 64, 48), 1.0))
     path = mi.load_dict({"type": "path", "max_depth": MOST_BOUNCES + 1})
     return np.array(mi.render(loaded, sensor=camera, integrator=path, seed=9, spp=samples))[..., :3]
 
@@ -93,7 +93,7 @@ def test_a_composite_under_the_true_light_is_the_object_inside_the_scene() -> No
     pixel = RESPONSE.pixel_from_radiance(np.tile(plane, (48, 64, 1)))
     photo = np.round(pixel * 255).astype(np.uint8)
     item = Item("sphere", "diffuse", (32, 30), 0.35)
-    settings = Settings(Quality(64, 64, 4000), "scalar", blur=False, grain=False)
+    settings = ComposeSettings(Quality(64, 64, 4000), "scalar", blur=False, grain=False)
     result = compose(photo, light, VIEW, [item], settings)
     assert result.scene.albedo == pytest.approx(albedo, rel=0.02)
     true = replace(result.scene, albedo=albedo)
@@ -204,7 +204,7 @@ def test_a_texture_is_upright_and_unmirrored(tmp_path: Path) -> None:
 
 def test_what_nothing_changes_keeps_its_bytes() -> None:
     photo = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
-    settings = Settings(TINY, "scalar")
+    settings = ComposeSettings(TINY, "scalar")
     result = compose(photo, sun((1, 1, 0)), VIEW, [Item("sphere", None, (32, 30), 0.2)], settings)
     layers = result.composite.layers
     left, top, right, bottom = layers.crop
@@ -252,7 +252,7 @@ def test_a_mirror_on_a_patterned_floor_is_the_mirror_inside_the_scene() -> None:
     photo = np.round(encoded(inside_the_scene(bare, 64)) * 255).astype(np.uint8)
     errors = []
     for texture in (True, False):
-        settings = Settings(TINY, "scalar", texture=texture, blur=False, grain=False)
+        settings = ComposeSettings(TINY, "scalar", texture=texture, blur=False, grain=False)
         found = compose(photo, light, VIEW, [item], settings)
         true = inside_the_scene(replace(found.scene, texture=bare.texture), 64)
         left, top, right, bottom = found.composite.layers.crop

@@ -11,18 +11,18 @@ from deeplight.compose.mesh import Mesh
 from deeplight.frames import normalised, rotation
 from deeplight.transfer.clusters import clustered
 from deeplight.transfer.ground import Ground
-from deeplight.transfer.precompute import Settings, Transfer, precompute
+from deeplight.transfer.precompute import Transfer, TransferSettings, precompute
 from deeplight.transfer.rays import hemisphere
 
 pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
 
-FLOATING = Settings(samples=256, bounces=0, glossy=None, ground=None, longest_edge=1.0)
+FLOATING = TransferSettings(samples=256, bounces=0, glossy=None, ground=None, longest_edge=1.0)
 STANDING = replace(FLOATING, ground=Ground(size=16, reflectivity=0.3))
 WHITE = np.zeros((25, 3))
 WHITE[0] = np.sqrt(4 * np.pi)
 
 
-def made(shape: tuple[np.ndarray, ...], settings: Settings) -> Transfer:
+def made(shape: tuple[np.ndarray, ...], settings: TransferSettings) -> Transfer:
     return precompute([Mesh(*shape)], settings)[0]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deeplight.environment import Environment
-from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.files import FileSpec, write_environment
 from round_trips import (
     MATERIALS,
     MOST_L1,
@@ -41,7 +41,7 @@ pytestmark = [
 def rendered(environment: Environment, folder: Path) -> Balls:
     """What Babylon.js makes of the exported glTF, default settings, its left-handed scene."""
     light = folder / "light.gltf"
-    write_environment(environment, Wish(light))
+    write_environment(environment, FileSpec(light))
     told = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
     command = ["node", str(SCRIPT), str(light), str(folder), str(SIZE), *told]
     environ = os.environ | {"DEEPLIGHT_CHROMIUM": CHROMIUM}

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from deeplight.environment import Environment
-from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.files import FileSpec, write_environment
 from deeplight.io.radiance import read_hdr
 from round_trips import (
     MATERIALS,
@@ -41,7 +41,7 @@ pytestmark = [
 def rendered(environment: Environment, folder: Path, samples: int = 256) -> Balls:
     """What Blender makes of the exported script and its EXR."""
     light = folder / "light.py"
-    write_environment(environment, Wish(light))
+    write_environment(environment, FileSpec(light))
     told = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
     command = [PYTHON, str(SCRIPT), str(light), str(folder), str(SIZE), str(samples), *told]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from deeplight.environment import Environment
-from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.files import FileSpec, write_environment
 from deeplight.formats.labelled import labelled_environment
 from deeplight.io.orientation import faces_for
 from deeplight.mappings.layouts import cube_from_latlong
@@ -55,7 +55,7 @@ def test_ktx_parse_reads_the_cube_as_it_was_written(
 ) -> None:
     import base64
 
-    (path,) = write_environment(environment, Wish(tmp_path / "a.ktx2", size=16))
+    (path,) = write_environment(environment, FileSpec(tmp_path / "a.ktx2", size=16))
     file = parsed(path)
     assert (file["vkFormat"], file["pixelWidth"], file["faceCount"]) == (109, 16, 6)
     assert file["orientation"].rstrip("\0") == "rd"
@@ -70,7 +70,7 @@ def test_ktx_parse_reads_the_cube_as_it_was_written(
 
 def test_ktx_parse_refuses_a_damaged_file(environment: Environment, tmp_path: Path) -> None:
     """The twin: the parser does look."""
-    (path,) = write_environment(environment, Wish(tmp_path / "a.ktx2", size=16))
+    (path,) = write_environment(environment, FileSpec(tmp_path / "a.ktx2", size=16))
     path.write_bytes(b"\0" + path.read_bytes()[1:])
     with pytest.raises(subprocess.CalledProcessError):
         parsed(path)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deeplight.environment import Environment
-from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.files import FileSpec, write_environment
 from round_trips import (
     MATERIALS,
     SIZE,
@@ -55,7 +55,7 @@ def ball(name: str, light: Path, samples: int) -> np.ndarray:
 
 def rendered(environment: Environment, folder: Path, samples: int) -> Balls:
     light = folder / "light.exr"
-    write_environment(environment, Wish(light, made_for="mitsuba", size=256))
+    write_environment(environment, FileSpec(light, made_for="mitsuba", size=256))
     return Balls(**{name: ball(name, light, samples) for name in MATERIALS})
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from deeplight.environment import Environment
-from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.files import FileSpec, write_environment
 from round_trips import (
     MATERIALS,
     SIZE,
@@ -46,12 +46,14 @@ def rendered(
 ) -> Balls:
     """What three.js makes of the exported files."""
     light = folder / "light.js"
-    write_environment(environment, Wish(light))
+    write_environment(environment, FileSpec(light))
     if way == "cube":
         tool = "webxr" if wrong_faces else "three"
-        write_environment(environment, Wish(folder / "light.exr", mapping="cube", made_for=tool))
+        write_environment(
+            environment, FileSpec(folder / "light.exr", mapping="cube", made_for=tool)
+        )
     if way == "gain-map":
-        write_environment(environment, Wish(folder / "light.jpg", made_for="three"))
+        write_environment(environment, FileSpec(folder / "light.jpg", made_for="three"))
     told = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
     command = ["node", str(SCRIPT), str(light), str(folder), str(SIZE), way, *told]
     environ = os.environ | {"DEEPLIGHT_CHROMIUM": CHROMIUM}

@@ -9,7 +9,7 @@ from deeplight.compose.mesh import Mesh
 from deeplight.lighting import Lighting
 from deeplight.mappings import latlong
 from deeplight.transfer.ground import open_plane
-from deeplight.transfer.precompute import Settings, Transfer, precompute
+from deeplight.transfer.precompute import Transfer, TransferSettings, precompute
 from deeplight.transfer.reference import path_traced
 from deeplight.transfer.view import Eye, view
 
@@ -35,7 +35,7 @@ def light() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def bunny() -> Transfer:
-    return precompute([Mesh(*shapes.bunny(24))], Settings(samples=128, longest_edge=1.0))[0]
+    return precompute([Mesh(*shapes.bunny(24))], TransferSettings(samples=128, longest_edge=1.0))[0]
 
 
 def eroded(mask: np.ndarray) -> np.ndarray:
@@ -72,7 +72,7 @@ def test_pixels_are_the_path_tracers(bunny: Transfer, light: np.ndarray, finish:
 @pytest.mark.timeout(900)
 def test_pixels_of_a_finer_bunny_are_nearer(light: np.ndarray) -> None:
     size, samples, limits = THOROUGH
-    settings = Settings(samples=512, bounces=3, longest_edge=1.0)
+    settings = TransferSettings(samples=512, bounces=3, longest_edge=1.0)
     bunny = precompute([Mesh(*shapes.bunny(40))], settings)[0]
     for finish in ("diffuse", "glossy"):
         found = differences(bunny, light, finish, size, samples)
@@ -83,7 +83,7 @@ def test_without_bounces_or_in_other_light_they_are_not(bunny: Transfer, light: 
     size, samples, limits = QUICK
     dark = precompute(
         [Mesh(*shapes.bunny(24))],
-        Settings(samples=64, bounces=0, glossy=None, longest_edge=1.0),
+        TransferSettings(samples=64, bounces=0, glossy=None, longest_edge=1.0),
     )[0]
     assert differences(dark, light, "diffuse", size, samples)[0] > 2 * limits["diffuse"][0]
     turned = harmonics.turning(frames.rotation("y", np.pi), 4) @ light

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.files import FileSpec, write_environment
 from round_trips import labelled, tell
 
 PYTHON = os.environ.get("DEEPLIGHT_IMAGECODECS_PYTHON", sys.executable)
@@ -44,7 +44,7 @@ def decoded(path: Path, shape: tuple[int, ...]) -> np.ndarray:
 
 def test_libultrahdr_reads_our_radiance(tmp_path: Path) -> None:
     radiance = labelled().radiance
-    write_environment(labelled(), Wish(tmp_path / "light.jpg"))
+    write_environment(labelled(), FileSpec(tmp_path / "light.jpg"))
     back = decoded(tmp_path / "light.jpg", radiance.shape)
     shown = np.minimum(radiance, LIBRARY_CLIPS_AT)
     error = np.abs(back - shown) / (shown + 0.05)

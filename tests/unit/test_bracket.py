@@ -13,7 +13,7 @@ pytest.importorskip("cv2")
 from deeplight.bracket.ball import Circle, find_circle, unwrapped, uv_showing
 from deeplight.bracket.card import GREY_ROW
 from deeplight.bracket.exposures import exposure_amount, read_frames
-from deeplight.bracket.probe import Probe, Settings, measure
+from deeplight.bracket.probe import Probe, ProbeSettings, measure
 from deeplight.bracket.response import recovered
 from deeplight.camera_response import LUMINANCE
 from deeplight.cli.main import main
@@ -80,7 +80,7 @@ def write_bracket(
 
 
 def panorama_probe(paths: list[Path], **settings: Any) -> Probe:
-    return measure(paths, Settings(shows="panorama", **settings))
+    return measure(paths, ProbeSettings(shows="panorama", **settings))
 
 
 def relative_errors(found: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -342,9 +342,9 @@ def test_settings_that_cannot_be_are_refused(tmp_path: Path) -> None:
         {"times": (0.0, 1.0)},
     ):
         with pytest.raises(ConfigError):
-            measure(paths, Settings(**{"shows": "panorama", **settings}))
+            measure(paths, ProbeSettings(**{"shows": "panorama", **settings}))
     with pytest.raises(ConfigError, match="reflectances"):
-        Settings(reflectivity=0)
+        ProbeSettings(reflectivity=0)
     square = write_bracket(tmp_path / "b", environment(64)[:, :64], times=TIMES[:2])
     with pytest.raises(ConfigError, match="twice as wide"):
         panorama_probe(square)

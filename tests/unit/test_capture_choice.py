@@ -10,17 +10,17 @@ from clips import picture, write_clip
 from deeplight.capture.choice import ChoiceSettings, Chooser, causes_by_log
 from deeplight.capture.quality import QualityLog, measured
 from deeplight.errors import ConfigError
-from deeplight.io.video import stills
+from deeplight.io.video import video_frames
 
 SETTINGS = ChoiceSettings()
 
 
 def chosen(path: Path, how: ChoiceSettings = SETTINGS) -> Chooser:
     log = QualityLog()
-    for _ in log.watch(stills(path)):
+    for _ in log.watch(video_frames(path)):
         pass
     chooser = Chooser(causes_by_log(log, how), how.alike)
-    kept = [still.number for still in chooser.keep(stills(path))]
+    kept = [still.number for still in chooser.keep(video_frames(path))]
     assert kept == [n for n, cause in enumerate(chooser.causes) if not cause]
     return chooser
 
@@ -76,7 +76,7 @@ def test_a_view_that_lies_otherwise_in_memory_measures_the_same() -> None:
 
 def test_the_log_is_small(tmp_path: Path) -> None:
     log = QualityLog()
-    count = sum(1 for _ in log.watch(stills(write_clip(tmp_path / "c.mp4"))))
+    count = sum(1 for _ in log.watch(video_frames(write_clip(tmp_path / "c.mp4"))))
     assert len(log) == count == 10
     assert log.at("change", 0) == np.inf
     assert log.column("time_s") == pytest.approx(np.arange(10) / 30, abs=1e-3)

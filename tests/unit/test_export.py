@@ -14,7 +14,7 @@ from PIL import Image
 
 from deeplight.environment import Environment
 from deeplight.errors import InputError, ShapeError
-from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.files import FileSpec, write_environment
 from deeplight.formats.gltf import rgbd
 from deeplight.formats.labelled import LABELS, LAMP_DIRECTION, LAMP_RADIUS_DEG, labelled_environment
 from deeplight.formats.webxr import light_estimate_file
@@ -112,7 +112,7 @@ def test_cube_faces_hold_each_direction_where_the_tool_looks_it_up(tool, x_sign)
 
 
 def test_ktx2_says_what_it_holds_and_holds_opengls_faces(environment, tmp_path: Path) -> None:
-    (path,) = write_environment(environment, Wish(tmp_path / "light.ktx2", size=32))
+    (path,) = write_environment(environment, FileSpec(tmp_path / "light.ktx2", size=32))
     data = path.read_bytes()
     assert data[:12] == bytes.fromhex("AB4B5458203230BB0D0A1A0A")
     form, _, width, height, depth, layers, faces, levels, packed = struct.unpack_from(
@@ -151,7 +151,7 @@ def test_turning_for_a_tool_is_undone(tool, environment) -> None:
 @pytest.fixture(scope="module")
 def document(environment, tmp_path_factory) -> dict[str, Any]:
     """The glTF as JSON."""
-    wish = Wish(tmp_path_factory.mktemp("gltf") / "light.gltf")
+    wish = FileSpec(tmp_path_factory.mktemp("gltf") / "light.gltf")
     (path,) = write_environment(environment, wish)
     return json.loads(path.read_text())
 
@@ -196,7 +196,7 @@ def test_gltf_mips_halve_and_keep_the_mean(document) -> None:
 def test_glb_is_the_same_document_with_its_pictures_behind_it(
     environment, document, tmp_path
 ) -> None:
-    (path,) = write_environment(environment, Wish(tmp_path / "light.glb"))
+    (path,) = write_environment(environment, FileSpec(tmp_path / "light.glb"))
     content = path.read_bytes()
     assert struct.unpack("<4sII", content[:12]) == (b"glTF", 2, len(content))
     size = struct.unpack("<I", content[12:16])[0]
@@ -244,7 +244,7 @@ def test_gain_map_jpeg_opens_as_a_picture_and_gives_the_radiance_back(tmp_path) 
 
 
 def test_a_blender_script_is_python_and_its_exr_is_turned(environment, tmp_path) -> None:
-    exr, script = write_environment(environment, Wish(tmp_path / "my light.py"))
+    exr, script = write_environment(environment, FileSpec(tmp_path / "my light.py"))
     compile(script.read_text(), str(script), "exec")
     assert f'ENVIRONMENT = "{exr.name}"' in script.read_text()
     np.testing.assert_array_equal(read_hdr(exr), turned_for(environment.radiance, "blender"))
@@ -253,7 +253,7 @@ def test_a_blender_script_is_python_and_its_exr_is_turned(environment, tmp_path)
 
 
 def test_a_three_module_tells_its_light_in_the_all_positive_sign(environment, tmp_path) -> None:
-    exr, module = write_environment(environment, Wish(tmp_path / "light.js"))
+    exr, module = write_environment(environment, FileSpec(tmp_path / "light.js"))
     text = module.read_text()
     assert "@" not in text.replace("@augments", "")
     light = json.loads(text.split("mainLight = ")[1].split(";")[0])
@@ -276,12 +276,14 @@ def test_a_three_module_tells_its_light_in_the_all_positive_sign(environment, tm
 )
 def test_impossible_wishes_are_refused(wish, said) -> None:
     with pytest.raises(InputError, match=said):
-        Wish(**wish)
+        FileSpec(**wish)
 
 
 def test_a_cube_for_a_tool_that_takes_none_is_refused(environment, tmp_path) -> None:
     with pytest.raises(InputError, match="latlong"):
-        write_environment(environment, Wish(tmp_path / "a.exr", mapping="cube", made_for="unity"))
+        write_environment(
+            environment, FileSpec(tmp_path / "a.exr", mapping="cube", made_for="unity")
+        )
     assert list(tmp_path.iterdir()) == []
 
 

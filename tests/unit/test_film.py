@@ -13,7 +13,7 @@ from deeplight.frames import looking_at, world_from_camera
 from deeplight.lighting import Lighting
 from deeplight.mappings import latlong, resample
 from deeplight.relight import relight_rig
-from deeplight.simulate.phone import Habits, develop
+from deeplight.simulate.phone import CameraAutomatics, develop
 from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
 from lab.film.clip import Clip, FilmFrame
 from lab.film.overlay import finger_in_picture, holder_in_picture, sphere_patch
@@ -26,7 +26,7 @@ from lab.film.scenery import Scenery, doubled
 from lab.film.tag import CODES_36H11, tag_cells
 from lab.film.world import FLOOR_M, World, build_world, noise_tile
 
-PLAIN = Habits(0.45, 0.0, 0.1, 1.0, 0.0, (0.0, 0.0, 0.0), 0.5, 2.2, 0.0, 0.0, 1e-12, 95)
+PLAIN = CameraAutomatics(0.45, 0.0, 0.1, 1.0, 0.0, (0.0, 0.0, 0.0), 0.5, 2.2, 0.0, 0.0, 1e-12, 95)
 SMALL = FilmRecipe(size=180, seconds=0.1, vary_rig=False)
 CAMERA = PinholeCamera(270, 480, float(np.radians(66)))
 LEVEL = (world_from_camera(0.4), np.zeros(3))
@@ -268,24 +268,24 @@ def bilinear(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndar
 
 def test_developing_is_the_phones() -> None:
     root, _, _ = frame(2.0)
-    habits = replace(PLAIN, gamma=2.3, contrast=0.1)
+    automatics = replace(PLAIN, gamma=2.3, contrast=0.1)
     rig = reflections().rig
-    picture = FrameMaker(rig, CAMERA, world(), habits).develop(root, np.random.default_rng(0))
+    picture = FrameMaker(rig, CAMERA, world(), automatics).develop(root, np.random.default_rng(0))
     linear = root.transpose(1, 2, 0) ** 2
-    wanted = develop(linear, np.ones(3, np.float32), habits, 1, np.random.default_rng(0))
+    wanted = develop(linear, np.ones(3, np.float32), automatics, 1, np.random.default_rng(0))
     assert np.abs(picture.astype(int) - wanted).max() <= 1
 
 
 def test_noise_is_the_phones() -> None:
-    habits = replace(PLAIN, noise=2e-3)
-    film = FrameMaker(reflections().rig, CAMERA, world(), habits)
+    automatics = replace(PLAIN, noise=2e-3)
+    film = FrameMaker(reflections().rig, CAMERA, world(), automatics)
     for level in (0.1, 0.3):
         root = np.full((3, 120, 100), np.sqrt(level), np.float32)
         got = film.develop(root, np.random.default_rng(0)).std()
         linear = np.full((120, 100, 3), level, np.float32)
         ones = np.ones(3, np.float32)
         assert got == pytest.approx(
-            develop(linear, ones, habits, 4, np.random.default_rng(1)).std(), rel=0.1
+            develop(linear, ones, automatics, 4, np.random.default_rng(1)).std(), rel=0.1
         )
 
 

@@ -25,7 +25,7 @@ from deeplight.capture.conic import Cone, pixel_scale  # noqa: E402
 from deeplight.capture.located import NotLocated, TagRig, cones_of  # noqa: E402
 from deeplight.capture.materials import brightest, name_spheres  # noqa: E402
 from deeplight.capture.motion import Evidence, persistent_edges  # noqa: E402
-from deeplight.capture.refine import Outline, refine, refine_by_sides, split_cost  # noqa: E402
+from deeplight.capture.refine import SphereOutline, refine, refine_by_sides, split_cost  # noqa: E402
 from deeplight.capture.rig_file import read_rig_file, write_rig_file  # noqa: E402
 from deeplight.capture.sizes import expected_radius  # noqa: E402
 from deeplight.capture.tag import cones_beside_tag, tag_corners  # noqa: E402
@@ -300,7 +300,7 @@ def test_a_drawn_tag_tells_where_the_spheres_are() -> None:
 
 
 def test_the_mirror_is_expected_as_large_as_the_others_or_in_their_row() -> None:
-    even = {n: Outline(c, 1.0, 1.0) for n, c in cones_of(PAPER_RIG).items()}
+    even = {n: SphereOutline(c, 1.0, 1.0) for n, c in cones_of(PAPER_RIG).items()}
     radius = PAPER_RIG.views["mirror"].angular_radius_rad
     assert expected_radius(even) == pytest.approx(radius, rel=1e-9)
     # The same centres on a plane across the view: those at the side are farther away.
@@ -308,7 +308,7 @@ def test_the_mirror_is_expected_as_large_as_the_others_or_in_their_row() -> None
         n: Cone(c.direction, float(np.arcsin(0.07 * -c.direction[2])))
         for n, c in cones_of(PAPER_RIG).items()
     }
-    row = {n: Outline(c, 1.0, 1.0) for n, c in flat.items()}
+    row = {n: SphereOutline(c, 1.0, 1.0) for n, c in flat.items()}
     assert expected_radius(row) == pytest.approx(flat["mirror"].angular_radius_rad, rel=1e-3)
 
 

@@ -20,7 +20,7 @@ from deeplight.capture.locate import LocateSettings, NotLocated, TagRig, locate 
 from deeplight.capture.located import cones_of, moved_together, rig_of  # noqa: E402
 from deeplight.capture.rig_file import read_rig_file  # noqa: E402
 from deeplight.errors import DataSetError  # noqa: E402
-from deeplight.io.video import Still  # noqa: E402
+from deeplight.io.video import VideoFrame  # noqa: E402
 from deeplight.lighting import Lighting  # noqa: E402
 from deeplight.reflectance import analytic_basis  # noqa: E402
 from deeplight.relight import relight  # noqa: E402
@@ -40,7 +40,7 @@ TAG = TagRig(
 )
 
 
-class Drawn(Still):
+class Drawn(VideoFrame):
     """A frame that is not from a file."""
 
     def __init__(self, number: int, time_s: float, pixels: np.ndarray) -> None:

@@ -26,12 +26,12 @@ from deeplight.simulate.many_takes import (
     sphere_radiance,
     visible_pixels,
 )
-from deeplight.simulate.phone import Habits
+from deeplight.simulate.phone import CameraAutomatics
 from deeplight.simulate.place_light import PlaceLight
 from deeplight.simulate.processing import Processing, in_srgb, local_gain, process, rolled_off
 from deeplight.sphere import PAPER_RIG
 
-PLAIN = Habits(0.45, 0.0, 0.1, 1.0, 0.0, (0.0, 0.0, 0.0), 0.5, 2.2, 0.0, 0.0, 1e-9, 95)
+PLAIN = CameraAutomatics(0.45, 0.0, 0.1, 1.0, 0.0, (0.0, 0.0, 0.0), 0.5, 2.2, 0.0, 0.0, 1e-9, 95)
 DIRECTIONS = latlong.directions(128, 256)
 FAMILY = [draw_phone(np.random.default_rng(n)) for n in range(400)]
 
@@ -57,14 +57,14 @@ def test_the_family_is_as_wide_as_it_says() -> None:
     fov = spread([math.degrees(p.optics.vertical_fov_rad) for p in FAMILY])
     assert 40 - 1e-6 <= fov[0] < 46
     assert 94 < fov[1] <= 100
-    tints = np.array([p.habits.tint for p in FAMILY])
+    tints = np.array([p.automatics.tint for p in FAMILY])
     np.testing.assert_allclose(tints.std(axis=0), (0.2, 0.1, 0.2), rtol=0.15)
-    assert np.std([p.habits.bias_stops for p in FAMILY]) == pytest.approx(0.4, rel=0.15)
+    assert np.std([p.automatics.bias_stops for p in FAMILY]) == pytest.approx(0.4, rel=0.15)
     assert np.std([p.processing.gamma for p in FAMILY]) == pytest.approx(0.15, rel=0.15)
-    adaptation = np.array([p.habits.adaptation for p in FAMILY])
+    adaptation = np.array([p.automatics.adaptation for p in FAMILY])
     assert (adaptation == 0).mean() == pytest.approx(0.12, abs=0.05)
     assert (adaptation > 0.9).mean() > 0.15
-    assert 0.3 < max(p.habits.highlight_share for p in FAMILY) <= 0.35
+    assert 0.3 < max(p.automatics.highlight_share for p in FAMILY) <= 0.35
     assert {p.metering for p in FAMILY} == {"average", "centre", "spot", "highlight"}
 
 
@@ -214,7 +214,7 @@ def ideal() -> PhoneSettings:
 def test_spheres_are_the_true_lighting_whatever_the_curve() -> None:
     place = PlaceLight.of(panorama(300))
     phone = replace(ideal(), processing=replace(FAMILY[3].processing, local=0.5, contrast=0.5))
-    phone = replace(phone, habits=replace(PLAIN, vignette=0.4, bias_stops=0.5))
+    phone = replace(phone, automatics=replace(PLAIN, vignette=0.4, bias_stops=0.5))
     (frame,) = film_many(place, phone, PAPER_RIG, 1, np.random.default_rng(2))
     for name, tolerance in (("diffuse", 0.004), ("matte_silver", 0.006), ("mirror", 0.014)):
         mask = PAPER_RIG.views[name].mask()
@@ -227,7 +227,7 @@ def test_spheres_are_the_true_lighting_whatever_the_curve() -> None:
 
 def test_a_frame_knows_its_exposure_white_balance_and_pose() -> None:
     place = PlaceLight.of(panorama(), ev100=12.0)
-    warm = replace(ideal(), habits=replace(PLAIN, adaptation=0.0, tint=(0.3, 0.0, -0.3)))
+    warm = replace(ideal(), automatics=replace(PLAIN, adaptation=0.0, tint=(0.3, 0.0, -0.3)))
     (frame,) = film_many(place, warm, PAPER_RIG, 1, np.random.default_rng(5))
     known = frame.known
     np.testing.assert_allclose(known["white_balance"], (0.3, 0, -0.3), atol=1e-4)
@@ -243,7 +243,7 @@ def test_a_frame_knows_its_exposure_white_balance_and_pose() -> None:
 def test_a_brighter_exposure_is_a_brighter_light() -> None:
     place, frames = PlaceLight.of(panorama()), []
     for bias in (0.0, 1.0):
-        phone = replace(ideal(), habits=replace(PLAIN, bias_stops=bias))
+        phone = replace(ideal(), automatics=replace(PLAIN, bias_stops=bias))
         frames += film_many(place, phone, PAPER_RIG, 1, np.random.default_rng(4))
     dark, bright = (f.true_lighting.radiance for f in frames)
     np.testing.assert_allclose(bright, 2 * dark, rtol=1e-4)

@@ -59,7 +59,7 @@ def test_a_video_gives_a_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     pytest.importorskip("av")
     pytest.importorskip("mitsuba")
     from deeplight.cli.main import main
-    from deeplight.io.video import stills
+    from deeplight.io.video import video_frames
     from deeplight.io.video_writer import VideoWriter
 
     tiny = Quality(samples=4, shadow_samples=4, shadow_pixels=300)
@@ -74,7 +74,8 @@ def test_a_video_gives_a_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     out = tmp_path / "out.mp4"
     assert main(["compose", str(tmp_path / "in.mp4"), "--out", str(out), *words]) == 0
     before, after = (
-        [still.rgb().astype(int) for still in stills(path)] for path in (tmp_path / "in.mp4", out)
+        [still.rgb().astype(int) for still in video_frames(path)]
+        for path in (tmp_path / "in.mp4", out)
     )
     assert len(after) == 3
     for one, other in zip(before, after, strict=True):

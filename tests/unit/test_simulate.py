@@ -12,11 +12,19 @@ from deeplight.io.radiance import write_exr
 from deeplight.mappings import latlong
 from deeplight.relight import relight_rig
 from deeplight.simulate.panorama import Place, load, places_in
-from deeplight.simulate.phone import PHONES, Habits, Setting, develop, draw_habits, follow, metered
+from deeplight.simulate.phone import (
+    PHONES,
+    CameraAutomatics,
+    Setting,
+    develop,
+    draw_automatics,
+    follow,
+    metered,
+)
 from deeplight.simulate.take import film, hand_held, shrink_ball
 from deeplight.sphere import PAPER_RIG
 
-PLAIN = Habits(0.45, 0.0, 0.1, 1.0, 0.0, (0.0, 0.0, 0.0), 0.5, 2.2, 0.0, 0.0, 1e-9, 95)
+PLAIN = CameraAutomatics(0.45, 0.0, 0.1, 1.0, 0.0, (0.0, 0.0, 0.0), 0.5, 2.2, 0.0, 0.0, 1e-9, 95)
 
 
 def panorama(sun: float = 2000.0) -> np.ndarray:
@@ -102,9 +110,9 @@ def test_developing_clips_at_white_and_encodes() -> None:
 
 
 def test_habits_are_imperfect_but_plausible() -> None:
-    habits = [draw_habits(PHONES["paper"], np.random.default_rng(n)) for n in range(200)]
-    assert 2.0 < min(h.gamma for h in habits) < max(h.gamma for h in habits) < 2.4
-    assert np.std([h.bias_stops for h in habits]) > 0.1
+    automatics = [draw_automatics(PHONES["paper"], np.random.default_rng(n)) for n in range(200)]
+    assert 2.0 < min(h.gamma for h in automatics) < max(h.gamma for h in automatics) < 2.4
+    assert np.std([h.bias_stops for h in automatics]) > 0.1
 
 
 def test_hands_look_down_more_than_up() -> None:

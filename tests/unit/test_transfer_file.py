@@ -13,7 +13,7 @@ from deeplight.errors import ImageFileError
 from deeplight.frames import normalised
 from deeplight.transfer.file import LAYOUT, decode, encode, read, write
 from deeplight.transfer.ground import Ground
-from deeplight.transfer.precompute import Settings, Transfer, precompute
+from deeplight.transfer.precompute import Transfer, TransferSettings, precompute
 
 pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
 
@@ -23,7 +23,7 @@ def transfer() -> Transfer:
     """With every part that the format knows."""
     vertices, faces, normals = shapes.bunny(9)
     mesh = Mesh(vertices, faces, normals, None, 0.5 + 0.4 * normals, Finish())
-    settings = Settings(
+    settings = TransferSettings(
         samples=64,
         bounces=1,
         diffuse=None,
@@ -71,7 +71,7 @@ def test_writing_is_repeatable_and_reading_is_its_inverse(content: bytes, tmp_pa
 
 
 def test_without_gloss_ground_and_colours_it_is_small(content: bytes) -> None:
-    settings = Settings(samples=64, bounces=0, glossy=None, ground=None, longest_edge=1.0)
+    settings = TransferSettings(samples=64, bounces=0, glossy=None, ground=None, longest_edge=1.0)
     bare = precompute([Mesh(*shapes.bunny(9))], settings)[0]
     got = decode(encode(bare))
     assert got.glossy is None

@@ -7,7 +7,7 @@ from deeplight.compose.mesh import Finish, Mesh
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.transfer import mesh as transfer_mesh
 from deeplight.transfer.mesh import prepared
-from deeplight.transfer.precompute import Settings, precompute
+from deeplight.transfer.precompute import TransferSettings, precompute
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 # Two triangles for each side of the cube, anticlockwise seen from outside.
@@ -81,11 +81,11 @@ def test_too_many_vertices_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_gloss_of_a_high_order_must_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("deeplight.transfer.precompute._MOST_GLOSSY", 7 * 81**2)
     with pytest.raises(ConfigError, match="at most 7 vertices for a glossy finish of order 8"):
-        precompute([CUBE], Settings(order=8, longest_edge=2.0))
+        precompute([CUBE], TransferSettings(order=8, longest_edge=2.0))
 
 
 def test_a_mesh_turned_inside_out_is_told() -> None:
-    settings = Settings(samples=32, glossy=None, ground=None, longest_edge=0.6)
+    settings = TransferSettings(samples=32, glossy=None, ground=None, longest_edge=0.6)
     inwards = Mesh(CORNERS, FACES[:, ::-1])
     assert "look inwards" in precompute([inwards], settings)[1][-1]
     assert not any("inwards" in note for note in precompute([CUBE], settings)[1])
@@ -106,4 +106,4 @@ def test_textures_become_colours_of_vertices() -> None:
 )
 def test_settings_out_of_range_are_told(wrong: dict[str, float]) -> None:
     with pytest.raises(ConfigError):
-        Settings(**wrong)  # type: ignore[arg-type]
+        TransferSettings(**wrong)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from deeplight.compose import shapes
 from deeplight.compose.mesh import Mesh
 from deeplight.compose.pot import pot
 from deeplight.transfer.file import write
-from deeplight.transfer.precompute import Settings, precompute
+from deeplight.transfer.precompute import TransferSettings, precompute
 
 FOLDER = Path(__file__).parents[1] / "public" / "objects"
 LARGEST_BYTES = 400_000
@@ -27,7 +27,9 @@ def main() -> None:
     index = []
     for name, (title, shape, cells) in OBJECTS.items():
         path = FOLDER / f"{name}.transfer"
-        transfer, _ = precompute([Mesh(*shape(cells))], Settings(samples=1024, longest_edge=0.1))
+        transfer, _ = precompute(
+            [Mesh(*shape(cells))], TransferSettings(samples=1024, longest_edge=0.1)
+        )
         write(path, transfer)
         if path.stat().st_size > LARGEST_BYTES:
             raise SystemExit(f"{path} has {path.stat().st_size:,} bytes: take fewer cells")

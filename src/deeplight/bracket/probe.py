@@ -23,7 +23,7 @@ ENOUGH_FRAMES = 3  # to recover a response from
 
 
 @dataclass(frozen=True)
-class Settings:
+class ProbeSettings:
     """How photographs become an environment.
 
     Attributes:
@@ -77,7 +77,7 @@ class Probe:
     facts: list[str] = field(default_factory=list)
 
 
-def measure(paths: Sequence[Path], settings: Settings) -> Probe:
+def measure(paths: Sequence[Path], settings: ProbeSettings) -> Probe:
     """Merge, scale and unwrap a bracket.
 
     Raises:
@@ -102,7 +102,7 @@ def measure(paths: Sequence[Path], settings: Settings) -> Probe:
     return Probe(environment, picture, circle, facts)
 
 
-def _response(frames: Sequence[Frame], settings: Settings) -> Response:
+def _response(frames: Sequence[Frame], settings: ProbeSettings) -> Response:
     if settings.chart:
         return recovered(frames, grey_patches(frames, settings.chart))
     if frames[0].linear:
@@ -113,7 +113,7 @@ def _response(frames: Sequence[Frame], settings: Settings) -> Response:
 
 
 def _scale(
-    found: Merged, frames: Sequence[Frame], settings: Settings
+    found: Merged, frames: Sequence[Frame], settings: ProbeSettings
 ) -> tuple[Float[np.ndarray, "3"], Unit, str]:
     """Factor of each channel, the unit that it gives, and a sentence on it.
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from deeplight.capture.quality import QualityLog, Samples, measured
 from deeplight.errors import ConfigError
-from deeplight.io.video import Still
+from deeplight.io.video import VideoFrame
 
 CAUSES = ("duplicated", "badly_exposed", "exposure_jump", "blurred", "near_duplicate")
 KEEP = ""
@@ -77,7 +77,7 @@ class Chooser:
         self.causes = list(causes)
         self._alike = alike
 
-    def keep(self, stills: Iterable[Still]) -> Iterator[Still]:
+    def keep(self, stills: Iterable[VideoFrame]) -> Iterator[VideoFrame]:
         """Give the frames that are good and differ enough from the one given before."""
         last: Float[np.ndarray, "height width"] | None = None
         left = sum(cause == KEEP for cause in self.causes)

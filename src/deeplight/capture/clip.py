@@ -25,7 +25,7 @@ from deeplight.contract import ModelContract
 from deeplight.dataset import Example, ExampleMeta
 from deeplight.dataset.splits import TRAINING_SPLITS
 from deeplight.errors import DataSetError, InputError
-from deeplight.io.video import Still, VideoFacts, facts, stills
+from deeplight.io.video import VideoFacts, VideoFrame, facts, video_frames
 from deeplight.preprocess import ASSUMED_LONG_SIDE_FOV_RAD, Framing, frame_photo
 from deeplight.sphere import Rig
 
@@ -51,7 +51,7 @@ class CaptureSettings:
 
 
 @dataclass(eq=False)
-class Account:
+class ClipRecord:
     """What a report tells of a clip, gathered while it is worked on.
 
     Attributes:
@@ -84,7 +84,7 @@ class Account:
 
 
 def capture_clip(
-    account: Account, settings: CaptureSettings, number: int
+    account: ClipRecord, settings: CaptureSettings, number: int
 ) -> Iterator[Example | Rig]:
     """Give the rig of a clip and then its examples, and fill in `account` on the way.
 
@@ -112,10 +112,10 @@ def capture_clip(
         raise
 
 
-def _read(path: Path) -> Generator[Still]:
+def _read(path: Path) -> Generator[VideoFrame]:
     """The clip's frames; what the system says against reading it is the clip's fault."""
     try:
-        yield from stills(path)
+        yield from video_frames(path)
     except OSError as error:
         raise _unreadable(path, error) from error
 
@@ -124,7 +124,7 @@ def _unreadable(path: Path, error: OSError) -> DataSetError:
     return DataSetError("a readable clip", f"{path}: {error.strerror or error}", "correct the path")
 
 
-def _look_through(account: Account, settings: CaptureSettings) -> PinholeCamera:
+def _look_through(account: ClipRecord, settings: CaptureSettings) -> PinholeCamera:
     """The first pass: measure every frame, find the spheres, decide what to leave out."""
     path, choice = account.clip.path, settings.choice
     try:
@@ -149,7 +149,7 @@ def _look_through(account: Account, settings: CaptureSettings) -> PinholeCamera:
     return camera
 
 
-def _examples(account: Account, camera: PinholeCamera, rig: Rig) -> Iterator[Example]:
+def _examples(account: ClipRecord, camera: PinholeCamera, rig: Rig) -> Iterator[Example]:
     """The second pass: cut the frames that are kept."""
     assert account.chooser is not None
     clip, framing = account.clip, background_framing(camera)
@@ -181,7 +181,7 @@ def background_framing(camera: PinholeCamera) -> Framing:
     return frame_photo(camera.height, camera.width, fov, "given", contract)
 
 
-def _meta(account: Account, still: Still, rig: Rig) -> ExampleMeta:
+def _meta(account: ClipRecord, still: VideoFrame, rig: Rig) -> ExampleMeta:
     clip, log = account.clip, account.log
     details = {
         "time_s": round(still.time_s, 6),

@@ -24,10 +24,10 @@ from deeplight.capture.located import (
 )
 from deeplight.capture.materials import name_spheres
 from deeplight.capture.motion import WORKING_SIDE, Evidence, Sample, evidence, gather
-from deeplight.capture.refine import Outline, refine, refine_place
+from deeplight.capture.refine import SphereOutline, refine, refine_place
 from deeplight.capture.sizes import even_sizes, mirror_of_size
 from deeplight.capture.tag import cones_beside_tag, tag_corners
-from deeplight.io.video import Still
+from deeplight.io.video import VideoFrame
 from deeplight.sphere import SPHERES
 
 __all__ = ["LocateSettings", "Located", "NotLocated", "TagRig", "locate"]
@@ -68,7 +68,7 @@ class _Clip:
 
 
 def locate(
-    stills: Iterable[Still], camera: PinholeCamera, how: LocateSettings | None = None
+    stills: Iterable[VideoFrame], camera: PinholeCamera, how: LocateSettings | None = None
 ) -> Located:
     """Find and name the three spheres of a clip; reads `stills` once, in bounded memory.
 
@@ -146,7 +146,7 @@ def _checked(clip: _Clip, cones: list[Cone], least_support: float) -> Located | 
     return fault or _located(clip, named, naming.confidence, "flow", warnings)
 
 
-def _fault(outlines: list[Outline], least_support: float) -> str | None:
+def _fault(outlines: list[SphereOutline], least_support: float) -> str | None:
     """Why these outlines are not those of three spheres of one size, if they are not."""
     if min(outline.seen for outline in outlines) < _LEAST_SEEN:
         return _CUT_OFF
@@ -218,7 +218,7 @@ def _by_tag(clip: _Clip, rig: TagRig) -> Located:
     return _located(clip, named, 1.0, "tag", tuple(warnings))
 
 
-def _near_outline(cone: Cone, outline: Outline) -> bool:
+def _near_outline(cone: Cone, outline: SphereOutline) -> bool:
     return outline.support >= _LEAST_SUPPORT and _moved_by(cone, outline.cone) < _SAVED_SHIFT
 
 
@@ -231,7 +231,7 @@ def _moved_by(one: Cone, other: Cone) -> float:
 
 def _located(
     clip: _Clip,
-    named: dict[str, Outline],
+    named: dict[str, SphereOutline],
     sure: float,
     method: Literal["flow", "tag", "saved rig"],
     warnings: tuple[str, ...],

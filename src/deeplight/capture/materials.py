@@ -53,7 +53,7 @@ class Naming:
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class SphereLook:
     """One sphere in some frames, as its ideal camera sees it.
 
     Attributes:
@@ -91,7 +91,7 @@ def name_spheres(
     return Naming(ways[best], float(sure), float(np.median(errors[best])))
 
 
-def _odd(one: Look, other: Look, expected: tuple[float, float]) -> float:
+def _odd(one: SphereLook, other: SphereLook, expected: tuple[float, float]) -> float:
     """How unusual it is for `one` to show so much more detail than `other`."""
     ratio = np.clip(np.log(one.detail / other.detail), -3.0, expected[0])  # more is never odd
     return float(0.5 * ((ratio - expected[0]) / expected[1]) ** 2)
@@ -99,7 +99,7 @@ def _odd(one: Look, other: Look, expected: tuple[float, float]) -> float:
 
 def look_at(
     cone: Cone, frames: list[UInt8[np.ndarray, "height width 3"]], camera: PinholeCamera
-) -> Look:
+) -> SphereLook:
     """Cut a sphere out of frames with its ideal camera."""
     view = SphereView(looking_at(cone.direction), cone.angular_radius_rad, SIZE)
     u, v = mirror_ball.grid(SIZE, _FINE)
@@ -113,7 +113,7 @@ def look_at(
     shape = (len(frames), SIZE, _FINE, SIZE, _FINE, 3)
     clipped = (cut >= _CLIPPED).reshape(shape).any(axis=(2, 4, 5)).reshape(len(frames), -1)
     radiance = linear.reshape(shape).mean(axis=(2, 4)).reshape(len(frames), -1, 3)
-    return Look(radiance, clipped, _detail(cut), view)
+    return SphereLook(radiance, clipped, _detail(cut), view)
 
 
 def _detail(cut: UInt8[np.ndarray, "frames n n 3"]) -> float:
@@ -128,7 +128,7 @@ def _detail(cut: UInt8[np.ndarray, "frames n n 3"]) -> float:
 
 
 def _bases(
-    looks: list[Look],
+    looks: list[SphereLook],
 ) -> dict[tuple[int, int, str], Float[np.ndarray, "pixels lights"]]:
     """For every (mirror, other, material) the other in the light that the mirror shows."""
     bases = {}
@@ -161,7 +161,7 @@ def _coarse_basis(material: str, view: SphereView) -> Float[np.ndarray, "pixels 
 
 
 def unexplained(
-    mirror: Look, others: list[tuple[Look, Float[np.ndarray, "pixels lights"]]]
+    mirror: SphereLook, others: list[tuple[SphereLook, Float[np.ndarray, "pixels lights"]]]
 ) -> Float[np.ndarray, "frames"]:
     """Mean absolute error of pixel values of two spheres in the mirror's light, each frame."""
     parts = [(look, basis, basis.any(axis=1)) for look, basis in others]

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from deeplight.camera import PinholeCamera
-from deeplight.io.video import Still
+from deeplight.io.video import VideoFrame
 
 WORKING_SIDE = 320  # pixels, roughly, of the shorter side where flow and edges are looked at
 KEPT = 24  # frames kept of a clip: at least so many, if it has them, and at most twice
@@ -33,7 +33,7 @@ class Sample:
         count: how many frames the clip has.
     """
 
-    stills: list[Still]
+    stills: list[VideoFrame]
     small: list[UInt8[np.ndarray, "height width"]]
     pairs: list[tuple[UInt8[np.ndarray, "height width"], UInt8[np.ndarray, "height width"]]]
     count: int
@@ -64,15 +64,15 @@ class Evidence:
         return np.hypot(self.edge_x, self.edge_y)
 
 
-def gather(stills: Iterable[Still]) -> Sample:
+def gather(stills: Iterable[VideoFrame]) -> Sample:
     """Read a clip once and keep an even sample of it; memory does not grow with its length.
 
     Every `step`-th frame is kept; when twice the wanted number has come together every other
     one is dropped again and the step doubles.
     """
-    kept: list[tuple[Still, np.ndarray, np.ndarray | None]] = []
+    kept: list[tuple[VideoFrame, np.ndarray, np.ndarray | None]] = []
     step, count, shrink, wanted = 1, 0, 1, KEPT
-    previous: Still | None = None
+    previous: VideoFrame | None = None
     for still in stills:
         if not count:
             shrink = max(1, round(min(still.luma.shape) / WORKING_SIDE))

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Shaped, UInt8
 
 from deeplight.camera import BACKGROUND_FRACTION
-from deeplight.io.video import Still
+from deeplight.io.video import VideoFrame
 
 MEASURED_SIDE = 270  # pixels of the shorter side where a frame is measured
 COLUMNS = ("time_s", "mean", "black", "clipped", "sharpness", "change")
@@ -34,7 +34,7 @@ class QualityLog:
     def __init__(self) -> None:
         self._rows = array("f")
 
-    def watch(self, stills: Iterable[Still]) -> Iterator[Still]:
+    def watch(self, stills: Iterable[VideoFrame]) -> Iterator[VideoFrame]:
         """Hand `stills` on and measure each as it goes by."""
         last: Grey | None = None
         for still in stills:

@@ -37,7 +37,7 @@ _RING_COST = 0.15  # of a third line: it must explain more than chance does
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldSolution:
     """What is known of the size before an outline is fitted.
 
     Attributes:
@@ -49,7 +49,7 @@ class Held:
     stiffness: float
 
 
-FREE = Held(0.0, 0.0)
+FREE = HeldSolution(0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -64,15 +64,15 @@ class Size:
     radius_rad: float
     stiffness: float
 
-    def held(self, cone: Cone, camera: PinholeCamera) -> Held:
+    def held(self, cone: Cone, camera: PinholeCamera) -> HeldSolution:
         """The same for a move of `cone`, in pixels."""
         expected_px = self.radius_rad * pixel_scale(camera)
         growth_px = expected_px - cone.angular_radius_rad * pixel_scale(camera)
-        return Held(growth_px, self.stiffness * (100 / expected_px) ** 2)
+        return HeldSolution(growth_px, self.stiffness * (100 / expected_px) ** 2)
 
 
 @dataclass(frozen=True)
-class Outline:
+class SphereOutline:
     """A sphere's outline fitted to the frames.
 
     Attributes:
@@ -91,7 +91,7 @@ def refine(
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
     near: bool = False,
-) -> Outline:
+) -> SphereOutline:
     """The outline around `cone` in full-size frames of a clip.
 
     `near`: it is known to lie within a few pixels, so nothing farther is looked at.
@@ -103,7 +103,7 @@ def refine(
         reach = max(reach, 5.0)
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-reach, reach))
         if not inside.any():
-            return Outline(cone, 0.0, 0.0)
+            return SphereOutline(cone, 0.0, 0.0)
         places, cost = split_cost(profiles, offsets)
         cone = _moved_to_best(cone, places, cost, inside, camera)
     outline = _fine(cone, frames, camera)
@@ -121,7 +121,7 @@ def refine_place(
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
     stiffness: float = np.inf,
-) -> Outline:
+) -> SphereOutline:
     """The outline around `cone` with the angular radius it has, or about that (see `Size`)."""
     return _fine(cone, frames, camera, Size(cone.angular_radius_rad, stiffness))
 
@@ -132,7 +132,7 @@ def refine_by_sides(
     camera: PinholeCamera,
     stiffness: float,
     ringed: bool = False,
-) -> Outline:
+) -> SphereOutline:
     """The outline where what is inside and what is outside differ most, edge or no edge.
 
     For the mirror, whose rim is hardly darker than what lies behind it: coarser than `refine`,
@@ -150,7 +150,7 @@ def refine_by_sides(
         reach = max(share * size.radius_rad * pixel_scale(camera), 5.0)
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-reach, reach))
         if not inside.any():
-            return Outline(cone, 0.0, 0.0)
+            return SphereOutline(cone, 0.0, 0.0)
         places, cost = split_cost(profiles, offsets, ringed)
         outline = _judged(cone, places, cost, inside, _COARSE_HIT_PX)
         cone = _moved_to_best(cone, places, cost, inside, camera, size.held(cone, camera))
@@ -161,12 +161,12 @@ def refine_by_sides(
 
 def _judged(
     cone: Cone, places: np.ndarray, cost: np.ndarray, inside: np.ndarray, hit_px: float
-) -> Outline:
+) -> SphereOutline:
     """The outline with what its spokes say of it."""
     best = places[cost.argmin(axis=1)]
     clear = np.median(cost, axis=1) - cost.min(axis=1) > _CLEAR
     hits = (np.abs(best) < hit_px) & inside & clear
-    return Outline(cone, float(hits.mean()), float(inside.mean()))
+    return SphereOutline(cone, float(hits.mean()), float(inside.mean()))
 
 
 def _fine(
@@ -174,12 +174,12 @@ def _fine(
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
     size: Size | None = None,
-) -> Outline:
+) -> SphereOutline:
     reach = float(np.clip(0.15 * cone.angular_radius_rad * pixel_scale(camera), 4.5, 6.0))
     for last in (False, False, True):
         profiles, offsets, inside = profiles_across(cone, frames, camera, (-0.7 * reach, reach))
         if not inside.any():
-            return Outline(cone, 0.0, 0.0)
+            return SphereOutline(cone, 0.0, 0.0)
         fits = [step_cost(profiles, offsets, sigma) for sigma in _SHARPNESS_PX]
         places, cost = min(fits, key=lambda fit: fit[1].min(axis=1).mean())
         if not last:
@@ -194,7 +194,7 @@ def _moved_to_best(
     cost: np.ndarray,
     inside: np.ndarray,
     camera: PinholeCamera,
-    held: Held = FREE,
+    held: HeldSolution = FREE,
 ) -> Cone:
     shift, growth = best_circle(places, cost[inside], _ANGLES[inside], held)
     return moved(cone, shift / pixel_scale(camera), growth / pixel_scale(camera))
@@ -204,7 +204,7 @@ def best_circle(
     places: Float[np.ndarray, "places"],
     cost: Float[np.ndarray, "spokes places"],
     angles_rad: Float[np.ndarray, "spokes"],
-    held: Held = FREE,
+    held: HeldSolution = FREE,
 ) -> tuple[Float[np.ndarray, "2"], float]:
     """Shift and growth, in pixels, of the circle that costs least over all spokes together.
 

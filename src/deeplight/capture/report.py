@@ -8,12 +8,12 @@ import numpy as np
 
 from deeplight.camera import PinholeCamera
 from deeplight.capture.choice import CAUSES
-from deeplight.capture.clip import Account
+from deeplight.capture.clip import ClipRecord
 from deeplight.dataset.contact_sheet import enlarged
 from deeplight.dataset.manifest import read_json, write_json
 from deeplight.errors import DataSetError
 from deeplight.report.chart import Chart, Curve, Mark
-from deeplight.report.page import Figure, Heading, Link, Page, Paragraph, Row, Table
+from deeplight.report.page import Figure, Heading, Link, Page, PageRow, Paragraph, Table
 from deeplight.sphere import SPHERES
 
 REPORTS = "reports"
@@ -40,7 +40,7 @@ def fingerprint(clip: Path) -> str:
     return f"{size}-{hashlib.sha256(ends).hexdigest()[:32]}"
 
 
-def write_reports(account: Account, folder: Path) -> None:
+def write_reports(account: ClipRecord, folder: Path) -> None:
     """Write both reports of a clip, each whole or not at all.
 
     Raises:
@@ -51,7 +51,7 @@ def write_reports(account: Account, folder: Path) -> None:
     write_json(path, described(account))
 
 
-def described(account: Account) -> dict[str, Any]:
+def described(account: ClipRecord) -> dict[str, Any]:
     """The report for programs."""
     clip, video, chooser = account.clip, account.video, account.chooser
     return {
@@ -87,7 +87,7 @@ def described(account: Account) -> dict[str, Any]:
     }
 
 
-def _spheres(account: Account) -> dict[str, Any]:
+def _spheres(account: ClipRecord) -> dict[str, Any]:
     located = account.located
     if located is None or account.reason:
         return {}
@@ -108,7 +108,7 @@ def _spheres(account: Account) -> dict[str, Any]:
     return spheres
 
 
-def page(account: Account) -> Page:
+def page(account: ClipRecord) -> Page:
     """The report for people."""
     clip = account.clip
     read, kept = len(account.log), account.kept
@@ -131,7 +131,7 @@ def page(account: Account) -> Page:
     return result
 
 
-def _geometry(account: Account) -> Table:
+def _geometry(account: ClipRecord) -> Table:
     located = account.located
     assert located is not None
     rows = []
@@ -154,7 +154,7 @@ def _geometry(account: Account) -> Table:
     )
 
 
-def _crops(account: Account) -> list[Row]:
+def _crops(account: ClipRecord) -> list[PageRow]:
     every = max(1, -(-len(account.shown) // 8))
     rows = []
     for name in SPHERES:
@@ -168,11 +168,11 @@ def _crops(account: Account) -> list[Row]:
             )
             for number, spheres in account.shown[::every]
         ]
-        rows.append(Row(figures, f"The {title} sphere, as the ideal camera sees it."))
+        rows.append(PageRow(figures, f"The {title} sphere, as the ideal camera sees it."))
     return rows
 
 
-def _curves(account: Account) -> list[Heading | Chart]:
+def _curves(account: ClipRecord) -> list[Heading | Chart]:
     log = account.log
     time_s = log.column("time_s").tolist()
     causes = account.chooser.causes if account.chooser else []
@@ -196,14 +196,14 @@ def _curves(account: Account) -> list[Heading | Chart]:
     ]
 
 
-def _fates(account: Account) -> Table:
+def _fates(account: ClipRecord) -> Table:
     dropped = account.chooser.dropped if account.chooser else {}
     rows = [("read", len(account.log)), ("kept", account.kept)]
     rows += [(cause.replace("_", " "), count) for cause, count in dropped.items()]
     return Table(("frames", "count"), rows)
 
 
-def _facts(account: Account) -> Table:
+def _facts(account: ClipRecord) -> Table:
     clip, video = account.clip, account.video
     rows = [("place", clip.place), ("scene", clip.scene), ("split", clip.split)]
     rows.append(("licence", clip.licence))

@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 
 from deeplight.capture.catalogue import Clip
-from deeplight.capture.clip import Account, CaptureSettings, capture_clip
+from deeplight.capture.clip import CaptureSettings, ClipRecord, capture_clip
 from deeplight.capture.located import TagRig
 from deeplight.capture.report import (
     REPORTS,
@@ -71,7 +71,7 @@ class Capture:
     def work(self, job: ClipJob) -> Outcome:
         """Write a clip's shard and reports; one that cannot be used gives an empty shard."""
         cv2.setNumThreads(1)  # a job is one thread; clips are what runs side by side
-        account = Account(job.clip)
+        account = ClipRecord(job.clip)
         try:
             self.shards.write(job.shard, capture_clip(account, self.settings, job.shard.number))
         except InputError as error:

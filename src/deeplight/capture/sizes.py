@@ -13,7 +13,7 @@ from jaxtyping import UInt8
 from deeplight.camera import PinholeCamera
 from deeplight.capture.candidates import on_bar, separation_rad
 from deeplight.capture.conic import Cone
-from deeplight.capture.refine import SURE, Outline, refine_by_sides, refine_place
+from deeplight.capture.refine import SURE, SphereOutline, refine_by_sides, refine_place
 
 _STIFFNESS = 0.01  # see `refine_by_sides`
 _RING = 0.02  # of the radius: outlines farther apart are not one
@@ -23,11 +23,11 @@ _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
 
 
 def even_sizes(
-    named: dict[str, Outline],
+    named: dict[str, SphereOutline],
     start: Cone,
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
-) -> tuple[Outline, tuple[str, ...]]:
+) -> tuple[SphereOutline, tuple[str, ...]]:
     """The mirror's outline, of about the size that the two others expect.
 
     Looked for by what is inside and outside of it, from where it was found and from `start`, where
@@ -50,7 +50,7 @@ def mirror_of_size(
     expected_rad: float,
     frames: list[UInt8[np.ndarray, "height width"]],
     camera: PinholeCamera,
-) -> Outline:
+) -> SphereOutline:
     """The mirror's outline of about that angular radius, near the best of some places."""
     options = [_by_sides(Cone(at.direction, expected_rad), frames, camera) for at in places]
     found = max(options, key=lambda outline: outline.support)
@@ -60,7 +60,7 @@ def mirror_of_size(
 
 def _by_sides(
     start: Cone, frames: list[UInt8[np.ndarray, "height width"]], camera: PinholeCamera
-) -> Outline:
+) -> SphereOutline:
     """The mirror by its two sides; where a ring inside of it was taken for its rim, by the way that
     knows of rings. Where there is none the two agree within 1 % of the radius."""
     found = refine_by_sides(start, frames, camera, _STIFFNESS)
@@ -72,7 +72,7 @@ def _by_sides(
     return ringed if differ and ringed.support > _RIM * found.support else found
 
 
-def expected_radius(named: dict[str, Outline]) -> float:
+def expected_radius(named: dict[str, SphereOutline]) -> float:
     """The angular radius that the two others expect of the mirror.
 
     As far away as they are; or, where they or the mirror show that distances differ, as far as it

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro import conf
 
 if TYPE_CHECKING:
-    from deeplight.compose.compose import Item, Settings
+    from deeplight.compose.compose import ComposeSettings, Item
     from deeplight.compose.gravity import CameraPlacement
     from deeplight.environment import Environment
 
@@ -172,13 +172,13 @@ def _each(name: str, values: Sequence[Any], default: Any, count: int) -> Sequenc
     return values if len(values) == count else (values[0] if values else default,) * count
 
 
-def _settings(args: Args) -> "Settings":
-    from deeplight.compose.compose import Settings
+def _settings(args: Args) -> "ComposeSettings":
+    from deeplight.compose.compose import ComposeSettings
     from deeplight.compose.trace import FINAL, PREVIEW
 
     quality = FINAL if args.quality == "final" else PREVIEW
     below, texture = args.below == "estimate", args.surface == "photo"
-    return Settings(quality, args.engine, light_from_below=below, texture=texture)
+    return ComposeSettings(quality, args.engine, light_from_below=below, texture=texture)
 
 
 def _placement(args: Args) -> "CameraPlacement":

@@ -53,11 +53,11 @@ def run(args: Args) -> None:
     """Read, edit and write."""
     from rich.console import Console
 
-    from deeplight.formats.files import Wish, write_environment
+    from deeplight.formats.files import FileSpec, write_environment
     from deeplight.formats.labelled import labelled_environment
     from deeplight.io.environment_file import read_environment
 
-    wish = Wish(args.out, args.format, args.mapping, args.made_for, args.size, args.lamps_apart)
+    wish = FileSpec(args.out, args.format, args.mapping, args.made_for, args.size, args.lamps_apart)
     wish.must_not_replace(args.inputs)
     test = labelled_environment() if args.test_panorama else None
     light = test or read_environment(args.inputs, args.in_mapping, args.made_from)

@@ -52,13 +52,13 @@ class Args:
 
 def run(args: Args) -> None:
     from deeplight.bracket.check import write_check
-    from deeplight.bracket.probe import Settings, measure
+    from deeplight.bracket.probe import ProbeSettings, measure
     from deeplight.cli.screen import results_console
-    from deeplight.formats.files import Wish, write_environment
+    from deeplight.formats.files import FileSpec, write_environment
 
-    wish = Wish(args.out)
+    wish = FileSpec(args.out)
     wish.must_not_replace(args.photos)
-    settings = Settings(
+    settings = ProbeSettings(
         args.shows,
         args.times,
         args.gamma,

@@ -60,9 +60,9 @@ def run(args: Args) -> None:
     from deeplight.errors import ConfigError
     from deeplight.transfer.file import write
     from deeplight.transfer.ground import Ground
-    from deeplight.transfer.precompute import Settings, precompute
+    from deeplight.transfer.precompute import TransferSettings, precompute
 
-    settings = Settings(
+    settings = TransferSettings(
         order=args.order,
         samples=args.samples,
         bounces=args.bounces,

@@ -55,7 +55,7 @@ class Item:
 
 
 @dataclass(frozen=True)
-class Settings:
+class ComposeSettings:
     """How to render and match.
 
     Attributes:
@@ -90,7 +90,7 @@ def compose(
     light: Float[np.ndarray, "rows columns 3"],
     viewpoint: Viewpoint,
     items: Sequence[Item],
-    settings: Settings = Settings(),
+    settings: ComposeSettings = ComposeSettings(),
     kept_rows: float | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Composed:
@@ -152,7 +152,7 @@ def scene_of(
     light: Float[np.ndarray, "rows columns 3"],
     viewpoint: Viewpoint,
     solids: Sequence[Solid],
-    settings: Settings,
+    settings: ComposeSettings,
 ) -> tuple[Scene, list[str]]:
     """The objects on the photo's own surface; also tell where its albedo had to be limited."""
     surface = surface_of(photo, light, viewpoint, solids)
@@ -165,7 +165,7 @@ def scene_of(
     return Scene(viewpoint, light, solids, surface.albedo, texture), notes
 
 
-def matched(photo: UInt8[np.ndarray, "height width 3"], settings: Settings) -> Look:
+def matched(photo: UInt8[np.ndarray, "height width 3"], settings: ComposeSettings) -> Look:
     """Measure the part of the photo's look that the settings ask for."""
     if not (settings.blur or settings.grain):
         return NO_LOOK
@@ -180,7 +180,7 @@ def rendered(
     photo: UInt8[np.ndarray, "height width 3"],
     scene: Scene,
     look: Look,
-    settings: Settings,
+    settings: ComposeSettings,
     progress: Progress = lambda done, total: None,
 ) -> Composite:
     """Render a scene into its photo."""

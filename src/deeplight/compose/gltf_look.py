@@ -29,7 +29,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class MaterialLook:
     """A material.
 
     Attributes:
@@ -53,21 +53,21 @@ class Look:
     given: bool = True
 
 
-def look(file: GltfFile, index: Any) -> Look:
+def look(file: GltfFile, index: Any) -> MaterialLook:
     """Read a material; None is the one of a primitive that names none.
 
     Raises:
         ImageFileError: it breaks the specification.
     """
     if index is None:
-        return Look(given=False)
+        return MaterialLook(given=False)
     material = file.item("materials", index)
     pbr = material.get("pbrMetallicRoughness", {})
     glossy = material.get("extensions", {}).get(GLOSSY)
     if glossy is not None and not pbr:
         pbr = _from_glossy(glossy)
     colour_info, rough_info = pbr.get("baseColorTexture"), pbr.get("metallicRoughnessTexture")
-    result = Look(
+    result = MaterialLook(
         _colour(pbr.get("baseColorFactor", (1, 1, 1, 1))),
         roughness=float(pbr.get("roughnessFactor", 1)),
         metallic=float(pbr.get("metallicFactor", 1)),
@@ -105,7 +105,9 @@ def _placing(info: Mapping[str, Any]) -> tuple[int, Place]:
     return int(moved.get("texCoord", info.get("texCoord", 0))), place
 
 
-def _with_picture(file: GltfFile, of: Look, name: str, info: Mapping[str, Any] | None) -> Look:
+def _with_picture(
+    file: GltfFile, of: MaterialLook, name: str, info: Mapping[str, Any] | None
+) -> MaterialLook:
     """Add a picture, and where it lies, to a material."""
     if info is None:
         return of

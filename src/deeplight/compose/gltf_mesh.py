@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int, Num
 
 from deeplight.compose.gltf_file import DO, GltfFile
-from deeplight.compose.gltf_look import Look, look
+from deeplight.compose.gltf_look import MaterialLook, look
 from deeplight.errors import ImageFileError, MissingExtraError
 
 MAX_NODES = 1_000_000
@@ -44,7 +44,7 @@ class Part:
     normals: Float[np.ndarray, "n 3"] | None
     uv: Float[np.ndarray, "n 2"] | None
     colours: Float[np.ndarray, "n 3"] | None
-    look: Look
+    look: MaterialLook
     notes: tuple[str, ...] = ()
 
 
@@ -290,7 +290,7 @@ def _unit(normals: Float[np.ndarray, "n 3"] | None) -> Float[np.ndarray, "n 3"] 
 
 
 def _coordinates(
-    arrays: Mapping[str, Num[np.ndarray, "n width"]], of: Look
+    arrays: Mapping[str, Num[np.ndarray, "n width"]], of: MaterialLook
 ) -> tuple[Float[np.ndarray, "n 2"] | None, tuple[str, ...]]:
     values = arrays.get(f"TEXCOORD_{of.uv_set}")
     if values is None:
@@ -300,7 +300,7 @@ def _coordinates(
 
 
 def _colours(
-    given: Num[np.ndarray, "n width"] | None, of: Look
+    given: Num[np.ndarray, "n width"] | None, of: MaterialLook
 ) -> tuple[Float[np.ndarray, "n 3"] | None, tuple[str, ...]]:
     if given is None:
         return None, ()

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from deeplight.compose import gltf_mesh
 from deeplight.compose.gltf_file import GltfFile
-from deeplight.compose.gltf_look import Look
+from deeplight.compose.gltf_look import MaterialLook
 from deeplight.compose.textures import Pixels, Textures
 from deeplight.compose.triangles import Finish, Mesh
 from deeplight.errors import ImageFileError, MissingExtraError
@@ -243,7 +243,7 @@ def _finish(material: Any, textures: Textures) -> Finish:
     return replace(_coloured(colour, pixels), lost=lost)
 
 
-def _finish_of(look: Look, file: GltfFile, textures: Textures) -> Finish:
+def _finish_of(look: MaterialLook, file: GltfFile, textures: Textures) -> Finish:
     """Read a glTF material."""
     if not look.given:
         return Finish()

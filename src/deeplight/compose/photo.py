@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from deeplight.compose.compose import Composed, Item, Settings, compose
+from deeplight.compose.compose import Composed, ComposeSettings, Item, compose
 from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.trace import Progress
 from deeplight.environment import Environment
@@ -21,7 +21,7 @@ def compose_photo(
     light: Environment | None = None,
     *,
     placement: CameraPlacement | None = None,
-    settings: Settings | None = None,
+    settings: ComposeSettings | None = None,
     stops: float = 0.0,
     progress: Progress = lambda done, total: None,
 ) -> Composed:
@@ -58,6 +58,12 @@ def compose_photo(
     items = [Item(given) if isinstance(given, str) else given for given in objects]
     radiance = light.radiance * np.float32(2.0**stops)
     composed = compose(
-        opened.pixels, radiance, viewpoint, items, settings or Settings(), framing.bottom, progress
+        opened.pixels,
+        radiance,
+        viewpoint,
+        items,
+        settings or ComposeSettings(),
+        framing.bottom,
+        progress,
     )
     return replace(composed, notes=(*notes, *assumed, *composed.notes))

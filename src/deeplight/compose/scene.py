@@ -77,7 +77,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Window:
+class ImageWindow:
     """Part of the photo on a grid of its own.
 
     Attributes:
@@ -92,7 +92,7 @@ class Window:
     height: int
 
     @classmethod
-    def over(cls, crop: Crop, step: float) -> "Window":
+    def over(cls, crop: Crop, step: float) -> "ImageWindow":
         """The smallest window that covers `crop`."""
         left, top = int(np.floor(crop[0] / step)), int(np.floor(crop[1] / step))
         right, bottom = int(np.ceil(crop[2] / step)), int(np.ceil(crop[3] / step))
@@ -150,7 +150,7 @@ def _plane(mi: Any, scene: Scene) -> dict[str, Any]:
     }
 
 
-def sensor(mi: Any, viewpoint: Viewpoint, window: Window) -> Any:
+def sensor(mi: Any, viewpoint: Viewpoint, window: ImageWindow) -> Any:
     """The photo's camera, whose film is `window`."""
     camera, step = viewpoint.camera, window.step
     columns, rows = int(np.ceil(camera.width / step)), int(np.ceil(camera.height / step))

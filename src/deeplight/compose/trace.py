@@ -22,8 +22,8 @@ from deeplight.compose.mitsuba_variant import mitsuba
 from deeplight.compose.scene import (
     MOST_BOUNCES,
     Crop,
+    ImageWindow,
     Scene,
-    Window,
     affected,
     bounds_of_solids,
     mitsuba_scene,
@@ -66,7 +66,7 @@ class Quality:
         if min(self.samples, self.shadow_samples, self.shadow_pixels, self.fine) < 1:
             raise ConfigError("at least one sample", f"{self}", "give more --samples")
 
-    def passes(self, fine: Window) -> int:
+    def passes(self, fine: ImageWindow) -> int:
         """How often to trace a ray through every pixel of the fine grid."""
         wanted = -(-self.samples // self.fine**2)
         if self.most_rays is None:
@@ -123,8 +123,8 @@ def trace(
     tracer = _Tracer(mitsuba(engine), scene, light_from_below, seed)
     wide = _around(affected(scene), near)
     area = (wide[2] - wide[0]) * (wide[3] - wide[1])
-    coarse = Window.over(wide, max(1.0, float(np.ceil(np.sqrt(area / quality.shadow_pixels)))))
-    fine = Window.over(near, 1 / quality.fine)
+    coarse = ImageWindow.over(wide, max(1.0, float(np.ceil(np.sqrt(area / quality.shadow_pixels)))))
+    fine = ImageWindow.over(near, 1 / quality.fine)
     passes, parts = quality.passes(fine), quality.fine
     work = [fine.width * fine.height * passes]
     work.append(coarse.width * coarse.height * quality.shadow_samples)
@@ -157,7 +157,7 @@ class _Tracer:
         self._plane = 1 + [shape.id() for shape in self._full.shapes()].index(PLANE)
 
     def run(
-        self, window: Window, passes: int, done: Callable[[int], None], parts: int = 0
+        self, window: ImageWindow, passes: int, done: Callable[[int], None], parts: int = 0
     ) -> _Rays:
         """Trace `passes` rays through every pixel of a window, strip by strip for memory's sake.
 
@@ -175,7 +175,7 @@ class _Tracer:
         return _Rays(*(np.concatenate(values) for values in zip(*strips, strict=True)))
 
     def _strip(
-        self, window: Window, passes: int, done: Callable[[int], None], objects: bool
+        self, window: ImageWindow, passes: int, done: Callable[[int], None], objects: bool
     ) -> tuple[np.ndarray, ...]:
         """Sums over the rays, in the order of `_Rays`."""
         camera = sensor(self._mi, self._scene.viewpoint, window)
@@ -234,7 +234,13 @@ def _after(done: Callable[[int], None], before: int, rays: int) -> None:
 
 
 def _joined(
-    scene: Scene, wide: Crop, near: Crop, around: _Rays, soft: _Rays, coarse: Window, rounds: int
+    scene: Scene,
+    wide: Crop,
+    near: Crop,
+    around: _Rays,
+    soft: _Rays,
+    coarse: ImageWindow,
+    rounds: int,
 ) -> Layers:
     """The fine grid's where it is, the coarse one around it; `rounds` of smoothing."""
     height, width = wide[3] - wide[1], wide[2] - wide[0]
@@ -276,7 +282,7 @@ def _by_pixel(fine: np.ndarray, parts: int) -> np.ndarray:
 
 
 def _enlarged(
-    values: Float[np.ndarray, "rows columns n"], window: Window, crop: Crop
+    values: Float[np.ndarray, "rows columns n"], window: ImageWindow, crop: Crop
 ) -> Float[np.ndarray, "height width n"]:
     """A grid's values at the pixels of `crop`, bilinear."""
     for axis, (low, high, first) in enumerate(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from deeplight.compose.compose import Item, Settings, matched, placed, rendered, scene_of
+from deeplight.compose.compose import ComposeSettings, Item, matched, placed, rendered, scene_of
 from deeplight.compose.follow import Follower, turned_to
 from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.look import Look
@@ -17,7 +17,7 @@ from deeplight.compose.trace import Quality
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.fuse.session import Session
 from deeplight.io.photos import Photo
-from deeplight.io.video import Still, facts, stills
+from deeplight.io.video import VideoFrame, facts, video_frames
 from deeplight.io.video_writer import VideoWriter
 from deeplight.mappings.resample import turned_latlong
 
@@ -31,7 +31,7 @@ def compose_video(
     video: Path,
     out: Path,
     items: Sequence[Item],
-    settings: Settings,
+    settings: ComposeSettings,
     placement: CameraPlacement,
     light: Float[np.ndarray, "rows columns 3"] | None = None,
     gain: float = 1.0,
@@ -57,7 +57,7 @@ def compose_video(
         InputError: the video or an object cannot be used.
         OSError: a file cannot be read or written.
     """
-    known, source = facts(video), stills(video)
+    known, source = facts(video), video_frames(video)
     first = next(source)
     film = _begin(video, first, items, settings, placement, light, gain)
     size = first.luma.shape[1] // 2 * 2, first.luma.shape[0] // 2 * 2  # codecs want even sides
@@ -72,7 +72,7 @@ def compose_video(
 class _Film:
     """What the first frame decides for all of them."""
 
-    settings: Settings
+    settings: ComposeSettings
     estimator: OnnxEstimator
     given_light: np.ndarray | None
     gain: np.float32
@@ -85,9 +85,9 @@ class _Film:
 
 def _begin(
     video: Path,
-    first: Still,
+    first: VideoFrame,
     items: Sequence[Item],
-    settings: Settings,
+    settings: ComposeSettings,
     placement: CameraPlacement,
     given: np.ndarray | None,
     gain: float,
@@ -127,7 +127,7 @@ def _session(film: _Film) -> Session:
 
 
 def _frames(
-    film: _Film, source: Iterator[Still]
+    film: _Film, source: Iterator[VideoFrame]
 ) -> Iterator[tuple[float, UInt8[np.ndarray, "height width 3"]]]:
     """Time and pixels of every finished frame."""
     before = film.scene.viewpoint

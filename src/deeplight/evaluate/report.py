@@ -13,7 +13,7 @@ from deeplight.evaluate.figures.percentiles import percentile_figure, worst_figu
 from deeplight.evaluate.figures.temporal import temporal_figure
 from deeplight.evaluate.result import SplitResult
 from deeplight.evaluate.scores import TRUE_LIGHTING
-from deeplight.report.page import Block, Figure, Heading, Page, Paragraph, Row, Table
+from deeplight.report.page import Block, Figure, Heading, Page, PageRow, Paragraph, Table
 
 MOST_COLUMNS = 10  # of spheres that fit beside each other
 SCENES = ("indoor", "outdoor")
@@ -117,7 +117,7 @@ def _split(result: SplitResult, shown: Pictures) -> Iterator[Block]:
     yield Heading(f"{split}: the same photos under every estimator")
     yield Figure(shown.comparison, "Diffuse, matte silver and mirror from top to bottom.")
     yield Heading(f"{split}: the worst places")
-    yield Row(
+    yield PageRow(
         [Figure(picture, told) for told, picture in shown.worst],
         "The worst photo of each of the worst places, with its L1 of diffuse / silver / mirror.",
     )

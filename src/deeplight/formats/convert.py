@@ -7,7 +7,7 @@ from typing import Any
 from deeplight.edit import Edit
 from deeplight.environment import Environment
 from deeplight.errors import InputError
-from deeplight.formats.files import Wish, write_environment
+from deeplight.formats.files import FileSpec, write_environment
 from deeplight.io.environment_file import read_environment
 from deeplight.lighting import Lighting
 
@@ -40,11 +40,11 @@ def convert(
         InputError: the light or the output cannot be had.
         OSError: a file cannot be read or written.
     """
-    wish = Wish(Path(out), format, mapping, made_for, size)
+    wish = FileSpec(Path(out), format, mapping, made_for, size)
     return write_environment(_environment(light, wish).edited(edit or Edit()), wish)
 
 
-def _environment(light: Any, wish: Wish) -> Environment:
+def _environment(light: Any, wish: FileSpec) -> Environment:
     if isinstance(light, Environment):
         return light
     if isinstance(light, Lighting):

@@ -41,7 +41,7 @@ WITHOUT_VIEW = frozenset({"mirror-ball", "angular", "cross", "horizontal-cross"}
 
 
 @dataclass(frozen=True)
-class Wish:
+class FileSpec:
     """What to write.
 
     Attributes:
@@ -137,7 +137,7 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
 """What a name's ending says; the longer of two comes first."""
 
 
-def write_environment(environment: Environment, wish: Wish) -> list[Path]:
+def write_environment(environment: Environment, wish: FileSpec) -> list[Path]:
     """Write what `wish` names, each file whole or not at all; give the files written.
 
     Raises:
@@ -147,12 +147,12 @@ def write_environment(environment: Environment, wish: Wish) -> list[Path]:
     return FORMATS[wish.kind](environment, wish)
 
 
-def _panorama(environment: Environment, wish: Wish) -> np.ndarray:
+def _panorama(environment: Environment, wish: FileSpec) -> np.ndarray:
     """The panorama to write, with or without the lights that tools add themselves."""
     return environment.ambient if wish.lamps_apart else environment.radiance
 
 
-def _picture(environment: Environment, wish: Wish) -> list[Path]:
+def _picture(environment: Environment, wish: FileSpec) -> list[Path]:
     panorama = _panorama(environment, wish)
     rows = len(panorama)
     if wish.mapping in ("cube", "strip", "column"):
@@ -171,7 +171,7 @@ def _picture(environment: Environment, wish: Wish) -> list[Path]:
     return [_written(wish.path, picture, wish)]
 
 
-def _written(path: Path, picture: np.ndarray, wish: Wish) -> Path:
+def _written(path: Path, picture: np.ndarray, wish: FileSpec) -> Path:
     radiance = np.ascontiguousarray(picture, np.float32)
     if wish.kind == "exr":
         header: dict[str, str | int | float] = {"deeplight:unit": UNIT, "deeplight:frame": FRAME}
@@ -186,7 +186,7 @@ def _written(path: Path, picture: np.ndarray, wish: Wish) -> Path:
     return path
 
 
-def _lighting_file(environment: Environment, wish: Wish) -> list[Path]:
+def _lighting_file(environment: Environment, wish: FileSpec) -> list[Path]:
     tool = TOOLS.get(wish.made_for or "")
     turn = tool.turn if tool else None
     latlong = resized(_panorama(environment, wish), wish.size or LATLONG_HEIGHT)
@@ -197,12 +197,12 @@ def _lighting_file(environment: Environment, wish: Wish) -> list[Path]:
     return save_lighting(environment.lighting, stem, turn=turn, latlong=latlong, facts=facts)
 
 
-def _webxr(environment: Environment, wish: Wish) -> list[Path]:
+def _webxr(environment: Environment, wish: FileSpec) -> list[Path]:
     content = light_estimate_file(environment.lighting, environment.main_light)
     return _text(wish.path, json.dumps(content, indent=1) + "\n")
 
 
-def _ktx2(environment: Environment, wish: Wish) -> list[Path]:
+def _ktx2(environment: Environment, wish: FileSpec) -> list[Path]:
     if wish.made_for not in (None, "webxr"):
         raise ConfigError("a KTX2 cube as OpenGL has it", f"--for {wish.made_for}", "drop --for")
     size = wish.size or max(len(environment.radiance) // 2, 4)
@@ -211,18 +211,18 @@ def _ktx2(environment: Environment, wish: Wish) -> list[Path]:
     return [wish.path]
 
 
-def _gltf(environment: Environment, wish: Wish) -> list[Path]:
+def _gltf(environment: Environment, wish: FileSpec) -> list[Path]:
     return _text(wish.path, json.dumps(gltf(environment)) + "\n")
 
 
-def _glb(environment: Environment, wish: Wish) -> list[Path]:
+def _glb(environment: Environment, wish: FileSpec) -> list[Path]:
     with replacing(wish.path) as temporary:
         temporary.write_bytes(glb(environment))
     return [wish.path]
 
 
-def _script(tool: str, snippet: str) -> Callable[[Environment, Wish], list[Path]]:
-    def write(environment: Environment, wish: Wish) -> list[Path]:
+def _script(tool: str, snippet: str) -> Callable[[Environment, FileSpec], list[Path]]:
+    def write(environment: Environment, wish: FileSpec) -> list[Path]:
         if wish.made_for not in (None, tool):
             raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
         beside = replace(wish, path=wish.files[1], format="exr", made_for=tool)
@@ -249,7 +249,7 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, Wish], list[Path]
     return write
 
 
-def _usd(environment: Environment, wish: Wish) -> list[Path]:
+def _usd(environment: Environment, wish: FileSpec) -> list[Path]:
     try:
         from deeplight.formats.usd import write_usd
     except ModuleNotFoundError as error:
@@ -271,7 +271,7 @@ def _text(path: Path, text: str) -> list[Path]:
     return [path]
 
 
-FORMATS: Mapping[str, Callable[[Environment, Wish], list[Path]]] = MappingProxyType(
+FORMATS: Mapping[str, Callable[[Environment, FileSpec], list[Path]]] = MappingProxyType(
     {
         "exr": _picture,
         "hdr": _picture,

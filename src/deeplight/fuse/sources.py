@@ -17,7 +17,7 @@ from deeplight.fuse.panorama_photo import is_panorama, panorama_frames
 from deeplight.fuse.poses import Poses, angle_between
 from deeplight.fuse.track import WORKING_SIDE
 from deeplight.io.photos import Photo, read_photo
-from deeplight.io.video import Still, is_video, stills
+from deeplight.io.video import VideoFrame, is_video, video_frames
 
 MOST_FRAMES = 160
 """Of a clip; when more would be kept every other one is dropped."""
@@ -117,13 +117,13 @@ def log_exposure_of(path: Path) -> float:
 
 
 def _of_clip(path: Path, poses: Poses | None) -> Iterator[SourceFrame]:
-    chosen = _moving(stills(path)) if poses is None else _posed(stills(path), poses)
+    chosen = _moving(video_frames(path)) if poses is None else _posed(video_frames(path), poses)
     for still in chosen:
         photo = Photo(still.rgb(), None, notes=still.notes)
         yield frame_of(photo, f"frame {still.number}", still.number, still.time_s)
 
 
-def _posed(source: Iterator[Still], poses: Poses) -> Iterator[Still]:
+def _posed(source: Iterator[VideoFrame], poses: Poses) -> Iterator[VideoFrame]:
     """Frames that have a pose, a few degrees apart."""
     last: Rotation | None = None
     for still in source:
@@ -133,7 +133,7 @@ def _posed(source: Iterator[Still], poses: Poses) -> Iterator[Still]:
             yield still
 
 
-def _moving(source: Iterator[Still]) -> Iterator[Still]:
+def _moving(source: Iterator[VideoFrame]) -> Iterator[VideoFrame]:
     """The first frame, and then the sharpest of those that show something new."""
     first = next(source)
     yield first
@@ -154,7 +154,7 @@ def _moving(source: Iterator[Still]) -> Iterator[Still]:
         yield best[0]
 
 
-def _tiny(still: Still) -> Float[np.ndarray, "h w"]:
+def _tiny(still: VideoFrame) -> Float[np.ndarray, "h w"]:
     def average(luma: np.ndarray) -> np.ndarray:
         scale = _TINY / min(luma.shape)
         size = (round(luma.shape[1] * scale), round(luma.shape[0] * scale))

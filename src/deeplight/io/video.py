@@ -37,7 +37,7 @@ _TIMED_PACKETS = 900  # how far `facts` looks for an uneven frame rate
 
 
 @dataclass(frozen=True, eq=False)
-class Still:
+class VideoFrame:
     """One frame of a video, upright, with square pixels.
 
     Attributes:
@@ -126,16 +126,16 @@ def is_video(path: Path | str) -> bool:
 def frames(path: Path | str) -> Iterator[Photo]:
     """Decode a video frame by frame into photos; memory does not grow with its length.
 
-    As `stills`, which says what is honoured and what is raised. `Photo.notes` says where HDR
+    As `video_frames`, which says what is honoured and what is raised. `Photo.notes` says where HDR
     was brought to SDR.
     """
-    for still in stills(path):
+    for still in video_frames(path):
         with reading(path):
             pixels = still.rgb()
         yield Photo(pixels=pixels, source=Path(path), notes=still.notes)
 
 
-def stills(path: Path | str) -> Iterator[Still]:
+def video_frames(path: Path | str) -> Iterator[VideoFrame]:
     """Decode a video frame by frame; memory does not grow with its length.
 
     Honoured are the display matrix (phones film portrait lying down, front cameras mirrored),
@@ -159,7 +159,7 @@ def stills(path: Path | str) -> Iterator[Still]:
             if size != (frame.width, frame.height):
                 raise damaged(path, "its frames change their size")
             time_s = count / float(rate or 30) if frame.pts is None else frame.time
-            yield Still(count, time_s, Picture(frame, film.look))
+            yield VideoFrame(count, time_s, Picture(frame, film.look))
             count += 1
     if not count:
         raise _no_video(path)
@@ -169,7 +169,7 @@ def facts(path: Path | str) -> VideoFacts:
     """Size, rate and kind of a video, without decoding more than its first frame.
 
     Raises:
-        OSError, ImageFileError, MissingExtraError: as `stills`.
+        OSError, ImageFileError, MissingExtraError: as `video_frames`.
     """
     path = Path(path)
     with _opened(path) as film:

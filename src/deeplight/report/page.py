@@ -93,7 +93,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Row:
+class PageRow:
     """Figures side by side, in as many lines as the window's width asks for."""
 
     figures: Sequence[Figure]
@@ -101,7 +101,7 @@ class Row:
     kind: Literal["row"] = "row"
 
 
-Block = Heading | Paragraph | Table | Figure | Row | Chart
+Block = Heading | Paragraph | Table | Figure | PageRow | Chart
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """A family of phones: every take is filmed with another camera, drawn from wide spreads.
 
-Real phones and users' habits differ more than one camera's automatics do, and a network that learnt
-from one almost perfect camera fails on the others. Nothing here is measured from a phone: the
+Real phones differ more than one camera's automatics do, and a network that learnt from one almost
+perfect camera fails on the others. Nothing here is measured from a phone: the
 spreads are our choice, wide enough to hold the phones people have.
 """
 
@@ -14,7 +14,7 @@ from jaxtyping import Float
 from deeplight.camera import FRAME_HEIGHT, FRAME_WIDTH, TRAINED_VERTICAL_FOV_RAD
 from deeplight.camera_response import GAMMA, LUMINANCE
 from deeplight.preprocess import ASSUMED_LONG_SIDE_FOV_RAD
-from deeplight.simulate.phone import Habits
+from deeplight.simulate.phone import CameraAutomatics
 from deeplight.simulate.processing import IDENTITY, Matrix, Processing
 
 Metering = Literal["average", "centre", "spot", "highlight"]
@@ -66,7 +66,7 @@ class PhoneSettings:
 
     Attributes:
         name: of the camera, `FAMILY` or `KEPT`.
-        habits: of the automatics, the lens's vignetting, the sensor's noise and the JPEG.
+        automatics: of the automatics, the lens's vignetting, the sensor's noise and the JPEG.
         optics: what the lens shows.
         metering: where in the frame the meter looks.
         metering_place: centre (x, y) of where it looks, in half frames, -1 to 1, right and up.
@@ -74,7 +74,7 @@ class PhoneSettings:
     """
 
     name: str
-    habits: Habits
+    automatics: CameraAutomatics
     optics: Optics = field(default_factory=Optics)
     metering: Metering = "average"
     metering_place: tuple[float, float] = (0.0, 0.0)
@@ -101,7 +101,7 @@ def draw_phone(rng: np.random.Generator) -> PhoneSettings:
     gamma, contrast = float(np.clip(rng.normal(GAMMA, 0.15), 1.7, 2.7)), rng.uniform(-0.25, 0.6)
     return PhoneSettings(
         name=FAMILY,
-        habits=Habits(
+        automatics=CameraAutomatics(
             brightness=rng.uniform(0.36, 0.52),
             bias_stops=rng.normal(0.0, 0.4),
             highlight_share=_highlight_share(metering, rng),
@@ -123,10 +123,10 @@ def draw_phone(rng: np.random.Generator) -> PhoneSettings:
 
 
 def kept_phone(rng: np.random.Generator) -> PhoneSettings:
-    """The camera kept for test splits: its own colours, curve and lens; habits vary a little."""
+    """The camera kept for test splits: its own colours, curve and lens; little else varies."""
     return PhoneSettings(
         name=KEPT,
-        habits=Habits(
+        automatics=CameraAutomatics(
             brightness=rng.uniform(0.42, 0.46),
             bias_stops=rng.normal(0.1, 0.2),
             highlight_share=rng.uniform(0.02, 0.1),

@@ -107,9 +107,11 @@ def film_many(
         radiance = {name: values[..., number, :] for name, values in spheres.items()}
         illuminant = radiance["diffuse"][rig.views["diffuse"].mask()].mean(axis=0)
         seen = place.seen(turned(phone.metered_rays().astype(np.float32), pose))
-        setting = follow(setting, metered(seen, illuminant, phone.habits), phone.habits.speed)
+        setting = follow(
+            setting, metered(seen, illuminant, phone.automatics), phone.automatics.speed
+        )
         photo = _photo(place, pose, phone, pixels, setting.gain, rng)
-        jpeg = encode_jpeg(photo, phone.habits.jpeg_quality)
+        jpeg = encode_jpeg(photo, phone.automatics.jpeg_quality)
         crops = {
             name: _crop(values, rig.views[name], place, pose, phone, setting.gain, rng)
             for name, values in radiance.items()
@@ -155,7 +157,7 @@ def facts(
     """
     gain = np.array(setting.log_gain)
     view = -pose[:, 2]
-    habits, processing = phone.habits, phone.processing
+    automatics, processing = phone.automatics, phone.processing
     exposure = (gain.mean() + np.log(max(place.mean_luminance, 1e-30))) / np.log(2)
     values = {
         "exposure_stops": exposure,
@@ -166,8 +168,8 @@ def facts(
         "view_fov_rad": phone.optics.view_fov_rad,
         "aspect": phone.optics.aspect,
         "height": place.height,
-        "adaptation": habits.adaptation,
-        "bias_stops": habits.bias_stops,
+        "adaptation": automatics.adaptation,
+        "bias_stops": automatics.bias_stops,
         "gamma": processing.gamma,
         "contrast": processing.contrast,
         "local": processing.local,
@@ -271,9 +273,9 @@ def _photo(
 ) -> UInt8[np.ndarray, "height width 3"]:
     """The network's view of the phone's photo, before its JPEG."""
     x, y = pixels.place
-    lens = vignetting(y[:, None], x[None, :], phone.habits).astype(np.float32)[..., None]
+    lens = vignetting(y[:, None], x[None, :], phone.automatics).astype(np.float32)[..., None]
     linear = place.seen(turned(pixels.rays, pose)) * (gain * lens)
-    noisy = _with_noise(linear, phone.habits.noise / _SENSOR_PIXELS, rng)
+    noisy = _with_noise(linear, phone.automatics.noise / _SENSOR_PIXELS, rng)
     photo = process(in_srgb(noisy, phone.processing), phone.processing)
     return photo[pixels.rows[:, None], pixels.columns[None, :]]
 
@@ -295,7 +297,7 @@ def _crop(
     linear = sphere.copy()
     behind = place.seen(turned(rays, pose))
     linear[around] = linear[around] * alpha + behind * (1 - alpha)
-    noisy = _with_noise(linear * gain, phone.habits.noise / _SENSOR_PIXELS, rng)
+    noisy = _with_noise(linear * gain, phone.automatics.noise / _SENSOR_PIXELS, rng)
     pixel = encode(np.minimum(in_srgb(noisy, phone.processing), 1), GAMMA)
     return np.round(pixel * 255).astype(np.uint8)
 

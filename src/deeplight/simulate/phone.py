@@ -47,7 +47,7 @@ PHONES = {
 
 
 @dataclass(frozen=True)
-class Habits:
+class CameraAutomatics:
     """How one take's automatics err, drawn once per take.
 
     Attributes:
@@ -78,9 +78,9 @@ class Habits:
     jpeg_quality: int
 
 
-def draw_habits(phone: Phone, rng: np.random.Generator) -> Habits:
+def draw_automatics(phone: Phone, rng: np.random.Generator) -> CameraAutomatics:
     """The automatics of one take."""
-    return Habits(
+    return CameraAutomatics(
         brightness=rng.uniform(0.38, 0.50),
         bias_stops=rng.normal(0.0, 0.25),
         highlight_share=rng.uniform(0.04, 0.15),
@@ -107,19 +107,21 @@ class Setting:
         return np.exp(np.array(self.log_gain, np.float32))
 
 
-def metered(pixels: Float[np.ndarray, "n 3"], illuminant: Colour, habits: Habits) -> Setting:
+def metered(
+    pixels: Float[np.ndarray, "n 3"], illuminant: Colour, automatics: CameraAutomatics
+) -> Setting:
     """The setting the automatics would choose for this picture alone.
 
     Args:
         pixels: scene radiance at places spread over the frame, spheres included; unbounded.
         illuminant: colour of the light that falls on things in the scene.
-        habits: how they err.
+        automatics: how they err.
     """
-    colour = np.log(_chromaticity(illuminant)) * (1 - habits.picture_share)
-    colour = colour + np.log(_chromaticity(_grey_world(pixels))) * habits.picture_share
-    log_balance = np.clip(-habits.adaptation * colour, -1.0, 1.0) + np.array(habits.tint)
+    colour = np.log(_chromaticity(illuminant)) * (1 - automatics.picture_share)
+    colour = colour + np.log(_chromaticity(_grey_world(pixels))) * automatics.picture_share
+    log_balance = np.clip(-automatics.adaptation * colour, -1.0, 1.0) + np.array(automatics.tint)
     balanced = pixels * np.exp(log_balance)
-    exposure = np.log(_exposure(balanced, habits)) + habits.bias_stops * np.log(2)
+    exposure = np.log(_exposure(balanced, automatics)) + automatics.bias_stops * np.log(2)
     return Setting(tuple((exposure + log_balance).tolist()))
 
 
@@ -134,7 +136,7 @@ def follow(previous: Setting | None, wanted: Setting, speed: float) -> Setting:
 def develop(
     radiance: Float[np.ndarray, "height width 3"],
     gain: Float[np.ndarray, "*#shape"],
-    habits: Habits,
+    automatics: CameraAutomatics,
     pixels_averaged: int,
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "height width 3"]:
@@ -143,34 +145,34 @@ def develop(
     Args:
         radiance: scene radiance.
         gain: per colour channel, or per pixel with vignetting.
-        habits: of the take.
+        automatics: of the take.
         pixels_averaged: sensor pixels behind each pixel of the result, which thin the noise.
         rng: source of the noise.
     """
     linear = radiance * gain
-    deviation = np.sqrt(habits.noise * np.clip(linear, 0.01, 1) / pixels_averaged)
+    deviation = np.sqrt(automatics.noise * np.clip(linear, 0.01, 1) / pixels_averaged)
     noisy = linear + rng.standard_normal(linear.shape, np.float32) * deviation
-    pixel = encode(np.clip(noisy, 0, 1), habits.gamma)
-    pixel = pixel + habits.contrast * pixel * (1 - pixel) * (2 * pixel - 1)
+    pixel = encode(np.clip(noisy, 0, 1), automatics.gamma)
+    pixel = pixel + automatics.contrast * pixel * (1 - pixel) * (2 * pixel - 1)
     return np.round(pixel * 255).astype(np.uint8)
 
 
 def vignetting(
-    row: Float[np.ndarray, "*#n"], column: Float[np.ndarray, "*#n"], habits: Habits
+    row: Float[np.ndarray, "*#n"], column: Float[np.ndarray, "*#n"], automatics: CameraAutomatics
 ) -> Float[np.ndarray, "*n"]:
     """Share of light the lens passes at places (-1 to 1) of the full frame."""
-    return 1 - habits.vignette * (row * row + column * column) / 2
+    return 1 - automatics.vignette * (row * row + column * column) / 2
 
 
-def _exposure(pixels: Float[np.ndarray, "n 3"], habits: Habits) -> float:
+def _exposure(pixels: Float[np.ndarray, "n 3"], automatics: CameraAutomatics) -> float:
     """Gain that brings the mean pixel to the habit, short of blowing too much out."""
     luminance = pixels @ LUMINANCE
     low, high = -40.0, 40.0
     for _ in range(30):
         middle = (low + high) / 2
         mean = encode(np.minimum(luminance * np.exp(middle), 1)).mean()
-        low, high = (middle, high) if mean < habits.brightness else (low, middle)
-    white = np.quantile(pixels.max(axis=1), 1 - habits.highlight_share)
+        low, high = (middle, high) if mean < automatics.brightness else (low, middle)
+    white = np.quantile(pixels.max(axis=1), 1 - automatics.highlight_share)
     limit = np.log(2.0 / max(float(white), 1e-30))  # a stop over is let through
     return float(np.exp(min(low, limit)))
 

@@ -43,7 +43,7 @@ _PIECE = 2**18
 
 
 @dataclass(frozen=True)
-class Row:
+class PanoramaRow:
     """One line of the manifest, as `simulate` reads it; empty where it is still to be found out."""
 
     file: str
@@ -160,7 +160,7 @@ class RemoteFile:
 
 
 def fetch_panoramas(
-    rows: Sequence[Row],
+    rows: Sequence[PanoramaRow],
     folder: Path,
     server: Server,
     resolution: str = "1k",
@@ -200,16 +200,18 @@ def fetch_panoramas(
     return manifest
 
 
-def rows_of(slugs: Sequence[str]) -> list[Row]:
+def rows_of(slugs: Sequence[str]) -> list[PanoramaRow]:
     """What to fetch, by name; the API tells the rest.
 
     Raises:
         ConfigError: a name that Poly Haven could not have.
     """
-    return [Row("", "", "", "", "", "", _checked(slug), "") for slug in dict.fromkeys(slugs)]
+    return [
+        PanoramaRow("", "", "", "", "", "", _checked(slug), "") for slug in dict.fromkeys(slugs)
+    ]
 
 
-def rows_in(manifest: Path) -> list[Row]:
+def rows_in(manifest: Path) -> list[PanoramaRow]:
     """What to fetch, from a CSV with a column `slug`, or `file` named by it; the rest is kept.
 
     Raises:
@@ -221,12 +223,12 @@ def rows_in(manifest: Path) -> list[Row]:
             lines = list(csv.DictReader(file))
     except (UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(f"a CSV table in UTF-8 in {manifest}", f"{error}", "repair it") from None
-    names = [field.name for field in fields(Row)]
+    names = [field.name for field in fields(PanoramaRow)]
     found = []
     for line in lines:
         known = {name: line.get(name) or "" for name in names}
         known["slug"] = _checked(known["slug"] or Path(known["file"]).stem)
-        found.append(Row(**known))
+        found.append(PanoramaRow(**known))
     if not found:
         raise ConfigError(f"lines with a slug in {manifest}", "none", "add some")
     return found
@@ -254,7 +256,7 @@ def _announced(files: dict[str, Any], slug: str, resolution: str, kind: str) -> 
     return remote
 
 
-def _completed(row: Row, file: str, source: str, server: Server) -> Row:
+def _completed(row: PanoramaRow, file: str, source: str, server: Server) -> PanoramaRow:
     """The manifest's line, with what the API knows where nobody has said it."""
     if row.file == file and row.split and row.place and row.scene and row.licence:
         return row
@@ -266,7 +268,7 @@ def _completed(row: Row, file: str, source: str, server: Server) -> Row:
         told if told in ("indoor", "outdoor") else "indoor" if "indoor" in categories else "outdoor"
     )
     sky = "pure skies" in [*categories, str(info.get("category", "")).lower()]
-    return Row(
+    return PanoramaRow(
         file,
         row.split or split_drawn_for(row.slug),
         row.place or row.slug,
@@ -278,12 +280,12 @@ def _completed(row: Row, file: str, source: str, server: Server) -> Row:
     )
 
 
-def _write(manifest: Path, rows: Iterable[Row]) -> None:
+def _write(manifest: Path, rows: Iterable[PanoramaRow]) -> None:
     with (
         replacing(manifest) as temporary,
         temporary.open("w", newline="", encoding="utf-8") as file,
     ):
-        writer = csv.DictWriter(file, [field.name for field in fields(Row)])
+        writer = csv.DictWriter(file, [field.name for field in fields(PanoramaRow)])
         writer.writeheader()
         writer.writerows(asdict(row) for row in sorted(rows, key=lambda row: row.file))
 

@@ -21,11 +21,11 @@ from deeplight.mappings import mirror_ball, resample
 from deeplight.reflectance import analytic_basis
 from deeplight.relight import relight
 from deeplight.simulate.phone import (
-    Habits,
+    CameraAutomatics,
     Phone,
     Setting,
     develop,
-    draw_habits,
+    draw_automatics,
     follow,
     metered,
     vignetting,
@@ -80,22 +80,22 @@ def film(
         looks_up: keep to the sky, for panoramas whose ground is made up.
     """
     camera = PinholeCamera(BACKGROUND_WIDTH, _FRAME_ROWS, phone.vertical_fov_rad)
-    habits = draw_habits(phone, rng)
+    automatics = draw_automatics(phone, rng)
     rays = camera.rays(BACKGROUND_HEIGHT).astype(np.float32)
-    lens = _background_vignetting(habits)[..., None]
+    lens = _background_vignetting(automatics)[..., None]
     setting = None
     for pose in hand_held(frames, rng, looks_up):
         radiance = resample.sample_latlong(panorama, turned(rays, pose))
         fine = resample.ball_from_latlong(panorama, _FINE, pose.T)
         spheres = _sphere_radiance(fine, panorama, rig, pose)
         illuminant = _mean_on_sphere(spheres["diffuse"], rig.views["diffuse"])
-        wanted = metered(_metered_pixels(radiance, spheres), illuminant, habits)
-        setting = follow(setting, wanted, habits.speed)
+        wanted = metered(_metered_pixels(radiance, spheres), illuminant, automatics)
+        setting = follow(setting, wanted, automatics.speed)
         gain = setting.gain
-        photo = develop(radiance, gain * lens, habits, (FRAME_HEIGHT // _FRAME_ROWS) ** 2, rng)
-        jpeg = encode_jpeg(photo, habits.jpeg_quality)
+        photo = develop(radiance, gain * lens, automatics, (FRAME_HEIGHT // _FRAME_ROWS) ** 2, rng)
+        jpeg = encode_jpeg(photo, automatics.jpeg_quality)
         crops = {
-            name: _crop(values, rig.views[name], camera, gain, habits, rng)
+            name: _crop(values, rig.views[name], camera, gain, automatics, rng)
             for name, values in spheres.items()
         }
         lighting = Lighting(shrink_ball(fine, LIGHTING_SIZE) * gain)
@@ -165,10 +165,10 @@ def _mean_on_sphere(crop: np.ndarray, view: SphereView) -> Float[np.ndarray, "3"
     return mean
 
 
-def _background_vignetting(habits: Habits) -> Float[np.ndarray, "height width"]:
+def _background_vignetting(automatics: CameraAutomatics) -> Float[np.ndarray, "height width"]:
     row = (np.arange(BACKGROUND_HEIGHT) + 0.5) * (2 / _FRAME_ROWS) - 1
     column = (np.arange(BACKGROUND_WIDTH) + 0.5) * (2 / BACKGROUND_WIDTH) - 1
-    return vignetting(row[:, None], column[None, :], habits).astype(np.float32)
+    return vignetting(row[:, None], column[None, :], automatics).astype(np.float32)
 
 
 def _crop(
@@ -176,7 +176,7 @@ def _crop(
     view: SphereView,
     camera: PinholeCamera,
     gain: np.ndarray,
-    habits: Habits,
+    automatics: CameraAutomatics,
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "size size 3"]:
     """The 8-bit crop, with the lens's loss of light at the sphere's place in the frame."""
@@ -185,8 +185,8 @@ def _crop(
     lens = vignetting(
         (2 * row / camera.height - 1).clip(-1, 1),
         (2 * column / camera.width - 1).clip(-1, 1),
-        habits,
+        automatics,
     ).astype(np.float32)
     across = 2 * np.tan(view.angular_radius_rad) / (2 * camera.tangents[1]) * FRAME_HEIGHT
     averaged = max(1, int(across / view.size) ** 2)
-    return develop(radiance, gain * lens, habits, averaged, rng)
+    return develop(radiance, gain * lens, automatics, averaged, rng)

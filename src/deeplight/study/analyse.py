@@ -231,12 +231,12 @@ def _page(findings: Findings, figure: np.ndarray) -> Page:
     ]
     page.add(Table(["", "counted", "by the model", "pairs"], contests))
     page.add(Heading("How people answered"))
-    habits = [
+    automatics = [
         ("first picture chosen", _shares(findings.left)),
         ("the same, of twice the same picture", _shares(findings.identical)),
         ("median time of a pair", f"{findings.median_ms / 1000:.1f} s"),
     ]
-    page.add(Table(["", ""], habits))
+    page.add(Table(["", ""], automatics))
     if findings.excluded:
         page.add(Table(["left out", "why"], findings.excluded))
     return page

@@ -33,7 +33,7 @@ from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, Mixture
 from deeplight.training.network.imagenet import load_imagenet
 from deeplight.training.optimiser import MovingAverage, make_optimiser, set_learning_rate
-from deeplight.training.record import RunRecord, Window
+from deeplight.training.record import RecentLosses, RunRecord
 from deeplight.training.slim import start_from
 from deeplight.training.sources import Sources
 from deeplight.training.teacher import Teacher
@@ -261,7 +261,7 @@ class Run:
         config, batch_size = self.config.run, self.config.schedule.batch_size
         started = time.monotonic()
         self.compare_with_constant()
-        window = Window(self.step, self.record.reported)
+        window = RecentLosses(self.step, self.record.reported)
         errors: list[SphereErrors] = []
         self.network.train()
         for batch in self.source.batches(batch_size, self.step, self.total):
@@ -280,7 +280,7 @@ class Run:
                     self.save()
                 if self.first:
                     watch(progress)
-                window = Window(self.step, self.record.reported)
+                window = RecentLosses(self.step, self.record.reported)
             if overdue:
                 break
         self.record.draw()
@@ -322,7 +322,7 @@ class Run:
         self.average.update(self.generator, self.step)
         return terms
 
-    def log(self, window: "Window") -> Progress:
+    def log(self, window: "RecentLosses") -> Progress:
         """A row of losses.csv: the mean over the steps of the window."""
         config = self.config
         losses, reported = window.values(self.share)

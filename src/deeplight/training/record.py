@@ -53,7 +53,7 @@ def loss_columns(reported: Sequence[str]) -> tuple[str, ...]:
     return ("step", "images", "loss", *reported, "learning_rate", "images_per_second")
 
 
-class Window:
+class RecentLosses:
     """The losses of some steps, left on the device so that no step waits for them."""
 
     def __init__(self, start: int, names: Sequence[str]) -> None:

@@ -21,7 +21,7 @@ _RIDGE = 1e-5  # keeps harmonics that only the unseen half would need from growi
 
 
 @dataclass(frozen=True, eq=False)
-class Finish:
+class FinishCoefficients:
     """One finish at one number of samples.
 
     Attributes:
@@ -34,16 +34,16 @@ class Finish:
 
 
 @lru_cache(maxsize=4)
-def diffuse(samples: int, order: int) -> Finish:
+def diffuse(samples: int, order: int) -> FinishCoefficients:
     """A perfect diffuser."""
     over = hemisphere(samples)
     weights = over.directions[:, 2] * over.solid_angles / np.pi
     up = harmonics.basis(np.array([[0.0, 0.0, 1.0]]), order)
-    return Finish(weights[None], up * harmonics.cosine_kernel(order) / np.pi)
+    return FinishCoefficients(weights[None], up * harmonics.cosine_kernel(order) / np.pi)
 
 
 @lru_cache(maxsize=4)
-def glossy(samples: int, order: int, roughness: float) -> Finish:
+def glossy(samples: int, order: int, roughness: float) -> FinishCoefficients:
     """Rough metal, GGX, each view scaled to give back all of white light.
 
     So `reflectance.rig_bases` scales it, too: what microfacets would scatter again is not lost.
@@ -53,7 +53,7 @@ def glossy(samples: int, order: int, roughness: float) -> Finish:
     fitted = _fitted(order)
     bare = fitted @ (_lobes(fine.directions, roughness) * fine.solid_angles) @ light
     weights = fitted @ (_lobes(over.directions, roughness) * over.solid_angles)
-    return Finish(weights.astype(np.float32), bare)
+    return FinishCoefficients(weights.astype(np.float32), bare)
 
 
 def _views() -> Float32[np.ndarray, "views 3"]:

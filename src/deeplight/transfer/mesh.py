@@ -14,7 +14,7 @@ _SPLITS = 10  # rounds of halving edges
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class TransferSurface:
     """Triangles with a normal at each vertex; +Y is up.
 
     Attributes:
@@ -30,7 +30,9 @@ class Surface:
     colours: Float[np.ndarray, "n 3"]
 
 
-def prepared(meshes: Sequence[Mesh], longest_edge: float) -> tuple[Surface, tuple[str, ...]]:
+def prepared(
+    meshes: Sequence[Mesh], longest_edge: float
+) -> tuple[TransferSurface, tuple[str, ...]]:
     """Join meshes into one surface, leave out what has no area, split edges that are too long.
 
     Args:
@@ -59,10 +61,10 @@ def prepared(meshes: Sequence[Mesh], longest_edge: float) -> tuple[Surface, tupl
     return surface, tuple(notes)
 
 
-def _joined(meshes: Sequence[Mesh]) -> Surface:
+def _joined(meshes: Sequence[Mesh]) -> TransferSurface:
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     triangles = [mesh.faces + start for mesh, start in zip(meshes, starts[:-1], strict=True)]
-    return Surface(
+    return TransferSurface(
         np.concatenate([mesh.vertices for mesh in meshes]),
         np.concatenate([_normals(mesh) for mesh in meshes]),
         np.concatenate(triangles).astype(np.int64),
@@ -100,27 +102,27 @@ def _normals(mesh: Mesh) -> Float[np.ndarray, "n 3"]:
     return result
 
 
-def _without_degenerate(surface: Surface) -> tuple[Surface, int]:
+def _without_degenerate(surface: TransferSurface) -> tuple[TransferSurface, int]:
     corners = surface.vertices[surface.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     whole = np.linalg.norm(across, axis=-1) > 1e-12  # the surface's size is 1
     return _kept(surface, surface.triangles[whole]), int((~whole).sum())
 
 
-def _kept(surface: Surface, triangles: Int[np.ndarray, "k 3"]) -> Surface:
+def _kept(surface: TransferSurface, triangles: Int[np.ndarray, "k 3"]) -> TransferSurface:
     """These triangles, and of the vertices only theirs."""
     used, renumbered = np.unique(triangles, return_inverse=True)
     parts = surface.vertices[used], surface.normals[used], renumbered.reshape(-1, 3)
-    return Surface(*parts, surface.colours[used])
+    return TransferSurface(*parts, surface.colours[used])
 
 
-def _require_few(surface: Surface) -> None:
+def _require_few(surface: TransferSurface) -> None:
     if len(surface.vertices) > MAX_VERTICES:
         expected = f"a mesh of at most {MAX_VERTICES:,} vertices"
         raise ImageFileError(expected, f"one of {len(surface.vertices):,}", "simplify it first")
 
 
-def _dense(surface: Surface, longest_edge: float) -> Surface:
+def _dense(surface: TransferSurface, longest_edge: float) -> TransferSurface:
     """Halve every edge that is too long until none is, or until there are enough vertices."""
     for _ in range(_SPLITS):
         edges, of_triangle = _edges(surface.triangles)
@@ -140,8 +142,8 @@ def _edges(triangles: Int[np.ndarray, "m 3"]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _halved(
-    surface: Surface, edges: np.ndarray, of_triangle: np.ndarray, long: np.ndarray
-) -> Surface:
+    surface: TransferSurface, edges: np.ndarray, of_triangle: np.ndarray, long: np.ndarray
+) -> TransferSurface:
     """A vertex in the middle of each long edge; neighbours agree, so no gap opens."""
     number = np.full(len(edges), -1)
     number[long] = len(surface.vertices) + np.arange(long.sum())
@@ -151,7 +153,7 @@ def _halved(
     normals = np.where(
         length > 1e-6, normals / np.maximum(length, 1e-6), surface.normals[ends[:, 0]]
     )
-    return Surface(
+    return TransferSurface(
         np.concatenate([surface.vertices, surface.vertices[ends].mean(1)]),
         np.concatenate([surface.normals, normals]),
         _subdivided(surface.triangles, number[of_triangle]),

@@ -18,7 +18,7 @@ from deeplight.compose.mesh import Mesh
 from deeplight.errors import ConfigError
 from deeplight.transfer.clusters import Clusters, clustered
 from deeplight.transfer.ground import Ground, open_plane
-from deeplight.transfer.mesh import MAX_VERTICES, Surface, prepared
+from deeplight.transfer.mesh import MAX_VERTICES, TransferSurface, prepared
 from deeplight.transfer.solve import Progress, Solution, Work, solve
 
 MAX_ORDER = 8
@@ -27,7 +27,7 @@ _DARK = 0.05  # share of white light
 
 
 @dataclass(frozen=True)
-class Settings:
+class TransferSettings:
     """What to work out.
 
     Attributes:
@@ -96,7 +96,7 @@ class Transfer:
     """An object ready to be lit; its own frame: +Y up, it stands on y = 0, longest side 1.
 
     Attributes:
-        order, bounces: see `Settings`.
+        order, bounces: see `TransferSettings`.
         vertices, normals, triangles: of the surface.
         reflectivity: of the diffuse finish, linear RGB; unused where there are colours.
         colours: of the diffuse finish at each vertex, gamma-encoded; None is one for all.
@@ -160,7 +160,7 @@ class Transfer:
 
 def precompute(
     meshes: Sequence[Mesh],
-    settings: Settings = Settings(),
+    settings: TransferSettings = TransferSettings(),
     progress: Progress = lambda done, total: None,
 ) -> tuple[Transfer, tuple[str, ...]]:
     """Work out an object's transfer.
@@ -214,7 +214,7 @@ def _suspicions(transfer: Transfer) -> tuple[str, ...]:
     return ("hardly any light gets to most of its vertices: do its faces look inwards?",)
 
 
-def _encoded(surface: Surface) -> UInt8[np.ndarray, "vertices 3"]:
+def _encoded(surface: TransferSurface) -> UInt8[np.ndarray, "vertices 3"]:
     """The surface's own colours as a file holds them."""
     return np.round(encode(np.clip(surface.colours, 0, 1)) * 255).astype(np.uint8)
 
@@ -230,13 +230,13 @@ def _albedo(
     return diffuse
 
 
-def _shadowed(solution: Solution, settings: Settings) -> Shadowed | None:
+def _shadowed(solution: Solution, settings: TransferSettings) -> Shadowed | None:
     if settings.ground is None:
         return None
     return Shadowed(settings.ground, solution.ground[:-1, 0])
 
 
-def _glossy(solution: Solution, normals: np.ndarray, settings: Settings) -> Glossy | None:
+def _glossy(solution: Solution, normals: np.ndarray, settings: TransferSettings) -> Glossy | None:
     if solution.glossy is None or settings.glossy is None:
         return None
     parts = clustered(solution.glossy, normals, settings.clusters, settings.components)

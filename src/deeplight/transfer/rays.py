@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from deeplight.errors import MissingExtraError
-from deeplight.transfer.mesh import Surface
+from deeplight.transfer.mesh import TransferSurface
 
 OFFSET = 2e-4  # rays start so far off the surface, whose size is 1
 _GOLDEN_RAD = np.pi * (3 - np.sqrt(5))
@@ -58,7 +58,7 @@ def frames_at(
 class Blockers:
     """The surface as Embree holds it."""
 
-    def __init__(self, surface: Surface) -> None:
+    def __init__(self, surface: TransferSurface) -> None:
         try:
             from embreex.mesh_construction import TriangleMesh
             from embreex.rtcore_scene import EmbreeScene

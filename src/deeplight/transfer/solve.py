@@ -15,9 +15,9 @@ from jaxtyping import Float, Float32, Int
 
 from deeplight import harmonics
 from deeplight.transfer import finish as transfer_finish
-from deeplight.transfer.finish import Finish
+from deeplight.transfer.finish import FinishCoefficients
 from deeplight.transfer.ground import Ground, open_plane
-from deeplight.transfer.mesh import Surface
+from deeplight.transfer.mesh import TransferSurface
 from deeplight.transfer.rays import Blockers, frames_at, hemisphere
 
 _RAYS = 65_536  # at a time: with 25 coefficients, 7 MB of each array
@@ -62,7 +62,7 @@ class Solution:
 
 
 def solve(
-    surface: Surface,
+    surface: TransferSurface,
     ground: Ground | None,
     work: Work,
     progress: Progress = lambda done, total: None,
@@ -81,7 +81,7 @@ def solve(
 
 
 class _Solver:
-    def __init__(self, surface: Surface, ground: Ground | None, work: Work) -> None:
+    def __init__(self, surface: TransferSurface, ground: Ground | None, work: Work) -> None:
         self._surface, self._ground, self._work = surface, ground, work
         self._coefficients = (work.order + 1) ** 2
         self._blockers = Blockers(surface)
@@ -169,7 +169,7 @@ class _Solver:
         return result
 
     def _sent(
-        self, finish: Finish, before: np.ndarray, at: np.ndarray, toward: np.ndarray
+        self, finish: FinishCoefficients, before: np.ndarray, at: np.ndarray, toward: np.ndarray
     ) -> Float32[np.ndarray, "hits coefficients"]:
         """Radiance from vertices against the direction in which they were seen."""
         if finish is self._diffuse:
@@ -185,7 +185,11 @@ class _Solver:
         return result * np.float32(self._work.glossy or 0)
 
     def _leaving(
-        self, finish: Finish, frames: np.ndarray, change: np.ndarray, taken: tuple[np.ndarray, ...]
+        self,
+        finish: FinishCoefficients,
+        frames: np.ndarray,
+        change: np.ndarray,
+        taken: tuple[np.ndarray, ...],
     ) -> Transfers:
         """Bare transfer turned to each point's frame, plus what the changed rays add."""
         turns = _turnings(frames, self._work.order)

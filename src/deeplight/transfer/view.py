@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from deeplight import frames
-from deeplight.transfer.mesh import Surface
+from deeplight.transfer.mesh import TransferSurface
 from deeplight.transfer.precompute import Transfer
 from deeplight.transfer.rays import Blockers
 
@@ -68,7 +68,7 @@ def view(transfer: Transfer, light: Float[np.ndarray, "given 3"], finish: str, e
         values = transfer.diffuse_radiance(light)
     else:
         values = transfer.glossy_radiance(light, frames.normalised(place - transfer.vertices))
-    surface = Surface(
+    surface = TransferSurface(
         transfer.vertices, transfer.normals, transfer.triangles, np.zeros_like(transfer.vertices)
     )
     directions = eye.directions

@@ -9,7 +9,7 @@ from jaxtyping import Float, Float32, UInt8
 from deeplight.camera import LANDSCAPE_HEIGHT, LANDSCAPE_WIDTH, TRAINED_CAMERA, PinholeCamera
 from deeplight.frames import rotation, turned
 from deeplight.mappings import latlong, resample
-from deeplight.simulate.phone import PHONES, develop, draw_habits, metered
+from deeplight.simulate.phone import PHONES, develop, draw_automatics, metered
 
 HEIGHT = 64
 """Rows of the panoramas that are learnt."""
@@ -72,11 +72,11 @@ def pairs_of(
         rays = PinholeCamera(views.width, views.height, fov).rays()
         world = rotation("y", -azimuth) @ rotation("x", elevation)
         radiance = resample.sample_latlong(panorama, turned(rays, world)).astype(np.float32)
-        habits = draw_habits(PHONES["paper"], random)
+        automatics = draw_automatics(PHONES["paper"], random)
         weight = latlong.solid_angles(*small.shape[:2])
         illuminant = np.average(small, axis=(0, 1), weights=weight)
-        gain = metered(radiance[::4, ::4].reshape(-1, 3), illuminant, habits).gain
-        photo = develop(radiance, gain, habits, _NOISE_PIXELS, random)
+        gain = metered(radiance[::4, ::4].reshape(-1, 3), illuminant, automatics).gain
+        photo = develop(radiance, gain, automatics, _NOISE_PIXELS, random)
         light = np.roll(small, -shift, axis=1) * gain
         yield Pair(photo, np.ascontiguousarray(light, np.float32), elevation, fov)
 
