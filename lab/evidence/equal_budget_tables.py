@@ -1,4 +1,4 @@
-"""Put the rows of table 1 and the learning curve into docs/results.md.
+"""Put the rows of table 1 and the learning curve into docs/journal.md.
 
     python -m lab.evidence.equal_budget_tables out/equal
 
@@ -58,8 +58,8 @@ def rows(results: Results, names: dict[str, str], first: str) -> str:
 
 
 def update(folders: Sequence[Path]) -> None:
-    """Rewrite the blocks of docs/results.md."""
-    results, path = load(folders), ROOT / "docs" / "results.md"
+    """Rewrite the blocks of docs/journal.md."""
+    results, path = load(folders), ROOT / "docs" / "journal.md"
     blocks = {
         "table 1": rows(results, ROWS, "what teaches"),
         "learning curve": rows(results, CURVE, "training places"),
