@@ -26,8 +26,8 @@ _CONE_EDGE_RAD = float(np.radians(20))  # over which it fades out inside that an
 LAMP_RADIUS_RAD = float(np.radians(6))
 """Of a lamp whose size nothing shows."""
 OWN_RADIUS_RAD = float(np.radians(3.5))
-"""A network's lamp is drawn no wider: the width of its lobe is its doubt, not the lamp's size. Of 3,
-3.5 and 5 degrees on validation places; narrower ones lower the mirror's error and raise peaks."""
+"""A network's lamp is drawn no wider: its lobe's width is its doubt, not the lamp's size. Chosen
+between 3 and 5 degrees on validation places: narrower lowers the mirror's error, raises peaks."""
 LARGEST_LAMP_RAD = float(np.radians(6))
 """A clipped area larger than this disc is a window or the sky: it keeps its shape and its power."""
 ROUND = 0.6
