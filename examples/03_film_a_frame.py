@@ -44,4 +44,6 @@ def main(panorama: Path, out: Path, yaw_deg: float = 0.0, pitch_deg: float = -15
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit(__doc__)
     main(Path(sys.argv[1]), Path(sys.argv[2]), *map(float, sys.argv[3:]))

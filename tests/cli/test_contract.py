@@ -150,6 +150,7 @@ def test_every_verb_has_help_with_an_example(name: str, capsys: pytest.CaptureFi
     assert left.value.code == 0
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert [line for line in lines if line.startswith(f"deeplight {name} ")]
+    assert not [line for line in lines if line.count(f"deeplight {name} ") > 1]  # one a line
 
 
 def test_every_verb_is_one_file(root: Path) -> None:

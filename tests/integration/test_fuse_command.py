@@ -166,6 +166,7 @@ def test_a_phones_panorama_is_seen_where_it_shows(tmp_path: Path) -> None:
     [
         (["--fov", "200"], "--fov between"),
         (["--height", "3"], "--height from"),
+        (["--frame", "17"], "--frame from 0 to 0; got 17"),
         (["--session", "x.txt"], "--session FILE.npz"),
         (["--poses", "missing.json"], "missing.json"),
     ],

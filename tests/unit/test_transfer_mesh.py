@@ -105,5 +105,6 @@ def test_textures_become_colours_of_vertices() -> None:
     [{"order": 9}, {"samples": 3}, {"bounces": -1}, {"diffuse": 1.5}, {"roughness": 0.01}],
 )
 def test_settings_out_of_range_are_told(wrong: dict[str, float]) -> None:
-    with pytest.raises(ConfigError):
+    with pytest.raises(ConfigError) as refused:
         TransferSettings(**wrong)  # type: ignore[arg-type]
+    assert refused.value.got == f"{next(iter(wrong.values()))}"

@@ -1,6 +1,7 @@
 """Bring light into the format of a tool, right side up, edited on the way.
 
 deeplight convert out/photo.json --out light.glb
+
 deeplight convert studio.hdr --out light.exr --for blender --turn 30 0 0 --stops -1
 
 deeplight convert --test-panorama --out test.js

@@ -10,6 +10,7 @@ pictures: turn slowly, so that neighbouring frames overlap by a third.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -124,10 +125,14 @@ def _upright(path: Path) -> bool:
 
 def _place(frames: Sequence["SourceFrame"], number: int) -> int:
     """The place of a frame of the clip among those used: the nearest one."""
-    from deeplight.errors import ImageFileError
+    from deeplight.errors import ConfigError, ImageFileError
 
     if not frames:
         raise ImageFileError("frames with a pose", "none", "check the pose file's times or numbers")
+    numbers = [frame.number for frame in frames]
+    step = max((b - a for a, b in pairwise(numbers)), default=1)  # of a clip not all are used
+    if not 0 <= number < numbers[-1] + step:
+        raise ConfigError(f"--frame from 0 to {numbers[-1]}", f"{number}", "name one of them")
     return min(range(len(frames)), key=lambda k: abs(frames[k].number - number))
 
 

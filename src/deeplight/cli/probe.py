@@ -1,7 +1,9 @@
 """Measure the light of a place with a camera: exposures of a mirror ball or panorama in, HDR out.
 
 deeplight probe IMG_1*.jpg --out truth.exr
+
 deeplight probe IMG_1*.jpg --like photo.jpg --card 400 1200 80 80 --out truth.exr
+
 deeplight probe pano_*.jpg --shows panorama --times 0.001 0.004 0.016 --out truth.exr
 
 Photos of one view from a tripod, each two or three stops longer than the last; EXIF tells how

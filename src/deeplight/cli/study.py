@@ -1,6 +1,7 @@
 """Ask people which pictures look right, and rank the methods by their answers.
 
 deeplight study make --method ours=a --method theirs=b --out study
+
 deeplight study analyse answers/ --study study --out results
 
 make: the pictures of one scene have one name in every folder. Put study/site on any web space or

@@ -1,6 +1,6 @@
 """Train the network on a data set that `deeplight simulate` or a capture made.
 
-deeplight train --data data --out runs/first --preset small --weights shipped
+deeplight train --data data --out runs/first --preset lamps --weights shipped
 
 Run again with the same arguments, it goes on where it was stopped, on any number of devices. The
 folder holds run.toml, losses.csv, validation.csv, curves.png, the checkpoints and best.safetensors.
@@ -32,9 +32,9 @@ class Args:
     out: Path
     """Folder of the run; one that holds a run of the same settings is resumed."""
     preset: str = "paper"
-    """paper, small (two CPU cores) or gpu; after it a variant: -adv, -msd (all spheres with or
-    without the adversarial term), -m, -s, -d (one sphere), -landscape, -width050, -width035,
-    -out16, -out64 (another network)."""
+    """paper, small (two CPU cores), gpu or lamps (the shipped network); after it a variant: -adv,
+    -msd (all spheres with or without the adversarial term), -m, -s, -d (one sphere), -landscape,
+    -width050, -width035, -out16, -out64 (another network)."""
     imagenet: Path | None = None
     """Folded MobileNetV2 weights (.npz) that the encoder starts from."""
     weights: Path | None = None

@@ -109,7 +109,10 @@ def _eight_bit(pixels: np.ndarray) -> UInt8[np.ndarray, "height width channels"]
 
 
 def _kind(value: Any) -> str:
-    return "nothing (None)" if value is None else f"a {type(value).__name__}"
+    if value is None:
+        return "nothing (None)"
+    name = type(value).__name__
+    return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
 def _unusable(expected: str, got: str, do: str = "give one of these") -> InputError:

@@ -80,9 +80,9 @@ def refuse_other_shape(narrow: Generator, wide: Generator) -> None:
     ):
         if of(narrow) != of(wide):
             raise ConfigError(
-                f"network.{what} as the teacher has it, {of(wide)}",
+                f"network.{what} as the network it starts from has it, {of(wide)}",
                 f"{of(narrow)}",
-                "change it with --set, or take another teacher",
+                "change it with --set, take another --preset (lamps for shipped), or other weights",
             )
     pairs = zip(shapes_of(narrow.encoder), shapes_of(wide.encoder), strict=True)
     if any(ours[0] > theirs[0] for ours, theirs in pairs):

@@ -5,6 +5,7 @@ object blocks, reflects onto itself and takes from the ground it stands on is wo
 linear map from spherical harmonics of the light to the light that leaves each vertex.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -54,21 +55,20 @@ class TransferSettings:
     components: int = 8
 
     def __post_init__(self) -> None:
-        checks = {
-            f"an order of 1 to {MAX_ORDER}": 1 <= self.order <= MAX_ORDER,
-            "16 to 65,536 samples": 16 <= self.samples <= 65_536,
-            "0 to 20 bounces": 0 <= self.bounces <= 20,
-            "a reflectivity from 0 to 1": all(
-                0 <= part <= 1 for part in (self.diffuse or 0, self.glossy or 0)
-            ),
-            "a roughness from 0.1 to 1": 0.1 <= self.roughness <= 1,
-            "a longest edge of at least 0.002": self.longest_edge >= 0.002,
-            "1 to 64 clusters and 1 to 32 components": 1 <= self.clusters <= 64
-            and 1 <= self.components <= 32,
+        checks: dict[str, tuple[float | None, float, float]] = {
+            f"an order of 1 to {MAX_ORDER}": (self.order, 1, MAX_ORDER),
+            "16 to 65,536 samples": (self.samples, 16, 65_536),
+            "0 to 20 bounces": (self.bounces, 0, 20),
+            "a diffuse reflectivity from 0 to 1": (self.diffuse, 0, 1),
+            "a glossy reflectivity from 0 to 1": (self.glossy, 0, 1),
+            "a roughness from 0.1 to 1": (self.roughness, 0.1, 1),
+            "a longest edge of at least 0.002": (self.longest_edge, 0.002, math.inf),
+            "1 to 64 clusters": (self.clusters, 1, 64),
+            "1 to 32 components": (self.components, 1, 32),
         }
-        for expected, holds in checks.items():
-            if not holds:
-                raise ConfigError(expected, f"{self}", "correct it")
+        for expected, (got, least, most) in checks.items():
+            if got is not None and not least <= got <= most:
+                raise ConfigError(expected, f"{got:g}", "correct it")
 
 
 @dataclass(frozen=True, eq=False)
