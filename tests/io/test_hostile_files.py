@@ -99,6 +99,7 @@ def odd(written: bytearray, at: int) -> None:
         b"",
         b"x" * 99,
     ],
+    ids=["encrypted", "odd method", "cut off", "a header", "a mark", "empty", "no archive"],
 )
 def test_an_odd_archive_is_a_value_error(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "a.npz").write_bytes(content)
