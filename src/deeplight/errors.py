@@ -16,6 +16,11 @@ Every `InputError` says what was expected, what was found and what to do about i
 from typing import Self
 
 
+def _printable(text: str) -> str:
+    """A message with control characters, as damaged files have in their names, written out."""
+    return "".join(c if c.isprintable() or c in "\n\t" else ascii(c)[1:-1] for c in text)
+
+
 class DeepLightError(Exception):
     """Base class of every error DeepLight raises on purpose."""
 
@@ -24,8 +29,8 @@ class InputError(DeepLightError):
     """Input that cannot be used, in one line a person can act on."""
 
     def __init__(self, expected: str, got: str, do: str) -> None:
-        self.expected, self.got, self.do = expected, got, do
-        super().__init__(f"expected {expected}; got {got}; {do}")
+        self.expected, self.got, self.do = (_printable(text) for text in (expected, got, do))
+        super().__init__(f"expected {self.expected}; got {self.got}; {self.do}")
 
     def __reduce__(self) -> tuple[type[Self], tuple[str, ...]]:
         # The default would rebuild from the one joined message and fail, losing the

@@ -56,7 +56,15 @@ def begun(folder: Path, *more: str) -> subprocess.Popen[str]:
     script.write_text(COMMAND)
     command = [sys.executable, str(script), "--folder", str(folder), *more]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    child = subprocess.Popen(command, env=environment, stdout=-1, stderr=-1, text=True)
+    # Under nohup a hang-up is ignored from birth, which a command respects.
+    child = subprocess.Popen(
+        command,
+        env=environment,
+        stdout=-1,
+        stderr=-1,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+    )
     most = time.monotonic() + 60
     while len(list(folder.glob("started*"))) < (1 if more else 2) and time.monotonic() < most:
         time.sleep(0.05)

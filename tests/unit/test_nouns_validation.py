@@ -190,3 +190,8 @@ def test_corners_off_the_disc_mean_nothing() -> None:
     radiance = ONES.copy()
     radiance[0, 0] = np.nan
     assert Lighting(radiance).radiance[0, 0].tolist() == [0, 0, 0]
+
+
+def test_control_characters_of_damaged_files_are_written_out() -> None:
+    error = InputError("a channel R", "channels R, \x02\x1b[31m", "export it")
+    assert str(error) == "expected a channel R; got channels R, \\x02\\x1b[31m; export it"
