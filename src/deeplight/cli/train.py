@@ -56,14 +56,17 @@ class Args:
 
 def run(args: Args) -> None:
     """Train with a progress bar; export if asked to."""
-    from deeplight.estimators.onnx import shipped_model
     from deeplight.training.devices import first_process
     from deeplight.training.loop import train
     from deeplight.training.presets import preset
 
     machine = (f"run.time_limit_minutes={args.minutes}", f"run.devices={args.devices}")
     config = preset(args.preset, (*args.set, *machine, f"run.nodes={args.nodes}"))
-    weights = shipped_model() if args.weights == Path("shipped") else args.weights
+    weights = args.weights
+    if weights == Path("shipped"):
+        from deeplight.estimators.onnx import shipped_model  # loads onnxruntime, so only here
+
+        weights = shipped_model()
     with TrainProgress(quiet=not first_process()) as progress:
         train(args.data, args.out, config, args.imagenet, progress.show, weights, args.more)
     if first_process():
