@@ -7,9 +7,11 @@ web/tests/golden. Nothing in them is typed by hand on either side.
 import base64
 import inspect
 import json
+import re
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,10 +20,12 @@ from PIL import Image
 
 from deeplight import brdf, camera_response, contract, harmonics, preprocess
 from deeplight.contract import ModelContract
+from deeplight.estimators import lamps, projection, surroundings
 from deeplight.estimators.network import WHOLE_VIEW
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.results import write_results
 from deeplight.frames import turned, world_from_camera
+from deeplight.fuse import blend, gains, merge, session, view
 from deeplight.io import lighting_file, photo_decoders
 from deeplight.lighting import LIGHTING_SIZE, Lighting
 from deeplight.mappings import mirror_ball
@@ -75,7 +79,21 @@ def constants() -> dict[str, Any]:
         "LATLONG_HEIGHT": lighting_file.LATLONG_HEIGHT,
         "LIGHTING_FILE": lighting_file_words(),
         "TRANSFER": transfer_file.LAYOUT,
+        "FUSE": numbers_of(view, gains, blend, merge, session),
+        "PHOTO_LIGHT": numbers_of(projection, surroundings, lamps),
     }
+
+
+def numbers_of(*modules: ModuleType) -> dict[str, Any]:
+    """Constants of modules by name, a leading underscore dropped: numbers and tuples of them."""
+    found: dict[str, Any] = {}
+    for name, value in ((n, v) for module in modules for n, v in vars(module).items()):
+        numbers = np.asarray(value if isinstance(value, int | float | tuple) else "")
+        if not re.fullmatch("_?[A-Z][A-Z_]*", name) or numbers.dtype.kind not in "if":
+            continue
+        if found.setdefault(name.lstrip("_"), numbers.tolist()) != numbers.tolist():
+            raise ValueError(f"expected one meaning of {name}, got two")
+    return found
 
 
 def lighting_file_words() -> dict[str, Any]:

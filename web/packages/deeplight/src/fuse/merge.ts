@@ -1,0 +1,245 @@
+/**
+ * Seen pixels and the network's estimates of all views as one light, its power right: merge.py,
+ * which says why it is merged so.
+ */
+import { FUSE, LUMINANCE } from "../contract/generated.ts";
+import type { Matrix3x3, Vector3 } from "../light/matrix.ts";
+import { nearestLit, uvFromDirection } from "../light/mirror-ball.ts";
+import { enlarged, powerOf, rowSolidAngles, shrunk, texelDirections } from "../light/panorama.ts";
+import { remembered } from "../light/remembered.ts";
+import { blended, type Seen } from "./blend.ts";
+import type { Cells, View } from "./view.ts";
+import { logPower } from "./view.ts";
+
+const { BRIGHTEST, DIM, ESTIMATE_ROWS, FIND_KAPPA, FIND_ROWS, LEVEL, LOBE_KAPPA, NEAR } = FUSE;
+const [R, G, B] = LUMINANCE;
+
+/** A fused light: a panorama of `height` x 2 `height`, and how much of each texel was seen. */
+export interface Fused {
+  readonly radiance: Float32Array;
+  readonly seen: Float32Array;
+  readonly height: number;
+}
+
+/** Views in one world with what was made of them. */
+export interface Gathered {
+  readonly views: readonly View[];
+  readonly cells: readonly Cells[];
+  /** ln gain of each, relative to the unit wanted. */
+  readonly logGain: Float64Array;
+  readonly trust: readonly Float32Array[];
+}
+
+/** One light out of all views, in the frame of a camera held like `worldFromFrame`. */
+export function environmentOf(from: Gathered, worldFromFrame: Matrix3x3, height: number): Fused {
+  const { views, cells, logGain, trust } = from;
+  const directions = turnedAll(texelDirections(height), worldFromFrame);
+  const seen = blended(views, cells, logGain, trust, directions);
+  const rows = Math.min(ESTIMATE_ROWS, height);
+  const coarse = turnedAll(texelDirections(rows), worldFromFrame);
+  const small = merged(views, logGain, coarse);
+  const [logs, mean] = [small.logs, small.mean].map((part) => enlarged(part, rows, height));
+  const radiance = logs!.map((value, i) => {
+    const known = seen.share[Math.floor(i / 3)]!;
+    return known * seen.radiance[i]! + (1 - known) * value;
+  });
+  addLostLobe(radiance, logs!, mean!, seen.share, height);
+  if (seen.clipped.includes(1)) {
+    raiseLamps(radiance, mean!, seen, expectedPower(views, logGain), height);
+  }
+  return { radiance, seen: seen.share, height };
+}
+
+/** All estimates along directions (world): e^(mean of logarithms), and mean of radiance. */
+export function merged(views: readonly View[], logGain: Float64Array, directions: Float32Array) {
+  const count = directions.length / 3;
+  const [logs, mean] = [new Float32Array(3 * count), new Float32Array(3 * count)];
+  const weight = new Float32Array(count);
+  const value: [number, number, number] = [0, 0, 0];
+  views.forEach(({ logEstimate, worldFromCamera: m }, k) => {
+    const [red, green, blue] = [logGain[3 * k]!, logGain[3 * k + 1]!, logGain[3 * k + 2]!];
+    for (let i = 0; i < count; i++) {
+      const x = directions[3 * i]!;
+      const y = directions[3 * i + 1]!;
+      const z = directions[3 * i + 2]!;
+      const back = m[2] * x + m[5] * y + m[8] * z;
+      onBall(
+        logEstimate,
+        [m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, back],
+        value,
+      );
+      value[0] -= red;
+      value[1] -= green;
+      value[2] -= blue;
+      const near = Math.exp(NEAR * (-back - 1));
+      weight[i]! += near;
+      for (let c = 0; c < 3; c++) {
+        logs[3 * i + c]! += near * value[c]!;
+        mean[3 * i + c]! += Math.exp(value[c]!);
+      }
+    }
+  });
+  for (let i = 0; i < logs.length; i++) {
+    logs[i] = Math.exp(logs[i]! / weight[Math.floor(i / 3)]!);
+    mean[i]! /= views.length;
+  }
+  return { logs, mean };
+}
+
+/** Value of a mirror ball in a direction, bilinear; pixels off the disc are not looked at. */
+function onBall(ball: Float32Array, direction: Vector3, into: [number, number, number]): void {
+  const size = Math.sqrt(ball.length / 3);
+  const nearest = nearestLit(size);
+  const [u, v] = uvFromDirection(direction);
+  const [column, row] = [(u + 1) * (size / 2) - 0.5, (1 - v) * (size / 2) - 0.5];
+  const [left, top] = [Math.floor(column), Math.floor(row)];
+  const [right, down] = [column - left, row - top];
+  into[0] = into[1] = into[2] = 0;
+  for (let k = 0; k < 4; k++) {
+    const r = Math.min(Math.max(top + (k >> 1), 0), size - 1);
+    const c = Math.min(Math.max(left + (k & 1), 0), size - 1);
+    const from = 3 * nearest[r * size + c]!;
+    const part = (k >> 1 ? down : 1 - down) * (k & 1 ? right : 1 - right);
+    into[0] += part * ball[from]!;
+    into[1] += part * ball[from + 1]!;
+    into[2] += part * ball[from + 2]!;
+  }
+}
+
+/** The power that the logarithms' map lacks where nothing was seen, as one lobe there. */
+function addLostLobe(
+  radiance: Float32Array,
+  logs: Float32Array,
+  mean: Float32Array,
+  share: Float32Array,
+  height: number,
+): void {
+  const sr = rowSolidAngles(height);
+  const lost = [0, 0, 0];
+  const weighted = logs.map((value, i) => {
+    const texel = Math.floor(i / 3);
+    const weight = (1 - share[texel]!) * sr[Math.floor(texel / (2 * height))]!;
+    lost[i % 3]! += weight * Math.max(mean[i]! - value, 0);
+    return value * weight;
+  });
+  if (!(R * lost[0]! + G * lost[1]! + B * lost[2]! > 0)) return;
+  const [x, y, z] = brightest(weighted, height);
+  const directions = texelDirections(height);
+  let power = 0;
+  const lobe = share.map((own, i) => {
+    const cosine = x * directions[3 * i]! + y * directions[3 * i + 1]! + z * directions[3 * i + 2]!;
+    const value = Math.exp(LOBE_KAPPA * (cosine - 1)) * (1 - own);
+    power += value * sr[Math.floor(i / (2 * height))]!;
+    return value;
+  });
+  if (power <= 0) return;
+  for (let i = 0; i < radiance.length; i++) {
+    radiance[i]! += (lobe[Math.floor(i / 3)]! * lost[i % 3]!) / power;
+  }
+}
+
+/** The direction round which most of the power lies. */
+function brightest(power: Float32Array, height: number): Vector3 {
+  const rows = Math.min(FIND_ROWS, height);
+  const columns = 2 * rows;
+  const coarse = shrunk(power, height, rows);
+  const luminous = new Float32Array(rows * columns);
+  for (let i = 0; i < luminous.length; i++) {
+    luminous[i] = R * coarse[3 * i]! + G * coarse[3 * i + 1]! + B * coarse[3 * i + 2]!;
+  }
+  const near = nearness(rows);
+  let [best, most] = [0, Number.NEGATIVE_INFINITY];
+  for (let row = 0; row < rows; row++) {
+    for (let column = 0; column < columns; column++) {
+      let sum = 0;
+      for (let other = 0, i = 0; other < rows; other++) {
+        const line = (row * rows + other) * columns;
+        for (let k = 0; k < columns; k++, i++) {
+          sum += near[line + ((k - column + columns) % columns)]! * luminous[i]!;
+        }
+      }
+      if (sum > most) [best, most] = [row * columns + column, sum];
+    }
+  }
+  const [x, y, z] = texelDirections(rows).subarray(3 * best, 3 * best + 3);
+  return [x!, y!, z!];
+}
+
+/** e^(kappa (cos - 1)) between texels of two rows so many columns apart. */
+const nearness = remembered((rows: number): Float32Array => {
+  const columns = 2 * rows;
+  const directions = texelDirections(rows);
+  const at = (row: number, column: number) => 3 * (row * columns + column);
+  return Float32Array.from({ length: rows * rows * columns }, (_, i) => {
+    const [a, b] = [Math.floor(i / columns / rows), Math.floor(i / columns) % rows];
+    const [one, other] = [at(a, 0), at(b, i % columns)];
+    let cosine = 0;
+    for (let c = 0; c < 3; c++) cosine += directions[one + c]! * directions[other + c]!;
+    return Math.exp(FIND_KAPPA * (cosine - 1));
+  });
+});
+
+/** Radiance summed over all directions that the estimates speak for, RGB. */
+export function expectedPower(views: readonly View[], logGain: Float64Array): Vector3 {
+  const up = [1, 4, 7].map((k) =>
+    views.reduce((sum, { worldFromCamera }) => sum + worldFromCamera[k as 1 | 4 | 7], 0),
+  );
+  const length = Math.max(Math.hypot(...up), 1e-9 * views.length);
+  const weights = views.map(({ worldFromCamera: m }) => {
+    const rise = -(m[2] * up[0]! + m[5] * up[1]! + m[8] * up[2]!) / length;
+    return Math.exp(-((rise / LEVEL) ** 2));
+  });
+  const whole = weights.reduce((a, b) => a + b, 0);
+  const powers = views.map(({ logEstimate }) => logPower(logEstimate));
+  return [0, 1, 2].map((c) => {
+    const root = weights.reduce((sum, weight, k) => {
+      return sum + (weight / whole) * Math.exp((powers[k]![c]! - logGain[3 * k + c]!) / 2);
+    }, 0);
+    return 4 * Math.PI * DIM * root ** 2;
+  }) as unknown as Vector3;
+}
+
+/** Gives clipped pixels the power that the estimates have and nothing else explains. */
+function raiseLamps(
+  radiance: Float32Array,
+  mean: Float32Array,
+  { clipped }: Seen,
+  whole: Vector3,
+  height: number,
+): void {
+  const sr = rowSolidAngles(height);
+  const power = powerOf(radiance, height);
+  const missing = whole.map((value, c) => Math.max(value - power[c]!, 0));
+  let total = whole.reduce(
+    (sum, value, c) => sum + LUMINANCE[c as 0 | 1 | 2] * (value - power[c]!),
+    0,
+  );
+  if (total <= 0 || !missing.some((value) => value > 0)) return;
+  let [bound, shares] = [0, 0];
+  const share = new Float64Array(clipped.length);
+  clipped.forEach((is, i) => {
+    if (!is) return;
+    const weight = sr[Math.floor(i / (2 * height))]!;
+    const own = R * radiance[3 * i]! + G * radiance[3 * i + 1]! + B * radiance[3 * i + 2]!;
+    const expected = R * mean[3 * i]! + G * mean[3 * i + 1]! + B * mean[3 * i + 2]!;
+    bound += own * weight;
+    share[i] = own * expected ** 2;
+    shares += share[i]! * weight;
+  });
+  total = Math.min(total, BRIGHTEST * bound);
+  const luminous = R * missing[0]! + G * missing[1]! + B * missing[2]!;
+  for (let i = 0; i < radiance.length; i++) {
+    radiance[i]! += (share[Math.floor(i / 3)]! / shares) * (missing[i % 3]! / luminous) * total;
+  }
+}
+
+function turnedAll(directions: Float32Array, m: Matrix3x3): Float32Array {
+  const result = new Float32Array(directions.length);
+  for (let i = 0; i < directions.length; i += 3) {
+    const [x, y, z] = [directions[i]!, directions[i + 1]!, directions[i + 2]!];
+    result[i] = m[0] * x + m[1] * y + m[2] * z;
+    result[i + 1] = m[3] * x + m[4] * y + m[5] * z;
+    result[i + 2] = m[6] * x + m[7] * y + m[8] * z;
+  }
+  return result;
+}
