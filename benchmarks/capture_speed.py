@@ -69,7 +69,7 @@ if __name__ == "__main__":
 
 
 def longer(clip: Path, out: Path, times: int) -> Path:
-    """The clip so many times in a row; its packets are copied."""
+    """The clip several times in a row; its packets are copied."""
     with av.open(str(out), "w") as target:
         stream, shift = None, 0
         for _ in range(times):
@@ -125,8 +125,8 @@ def main() -> None:
             what = f"decoding and DIS flow ({preset}, {size} size)"
             print(f"{what}: {alone:.1f}; ratio {speed / alone:.2f}")
         for one in both:
-            told = f"{one['frames']:.0f} frames, {one['kept']:.0f} kept"
-            print(f"  {told}: {one['seconds']:.1f} s of processor time, peak {one['MB']:.0f} MB")
+            counts = f"{one['frames']:.0f} frames, {one['kept']:.0f} kept"
+            print(f"  {counts}: {one['seconds']:.1f} s of processor time, peak {one['MB']:.0f} MB")
         if args.workers:
             clips = folder / "clips"
             clips.mkdir()

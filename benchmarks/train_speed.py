@@ -3,7 +3,7 @@
     python benchmarks/train_speed.py data --preset paper
 
 The two take turns on one batch that is already there, so that other work on the machine hurts both
-alike; the ratio is the median over the turns. From the speed it tells how long the paper's run
+alike; the ratio is the median over the turns. From the speed it gives how long the paper's run
 (4.06 million examples, 16 epochs, batches of 32: 2.03 million steps) would take on this machine.
 """
 
@@ -73,7 +73,7 @@ def started(args: Args, variant: str, folder: Path) -> Run:
 
 
 def seconds_of(run: Run, steps: int) -> float:
-    """Time of so many steps on the run's first batch."""
+    """Time of a number of steps on the run's first batch."""
     batch = next(run.source.batches(run.config.schedule.batch_size, 0, 1))
     start = time.perf_counter()
     for one in itertools.repeat(batch, steps):

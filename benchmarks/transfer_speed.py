@@ -1,7 +1,7 @@
 """How long transfer takes, its memory and its file: python benchmarks/transfer_speed.py.
 
 Each row is a process of its own. Seconds are of one core's time, which a busy machine does not
-change much. Rays are given beside Embree's own speed for the same rays, so that rows can be
+change much. Rays are given next to Embree's own speed for the same rays, so that rows can be
 compared between machines.
 """
 

@@ -1,6 +1,6 @@
 """How annotations, array shapes among them, are checked while tests run.
 
-pytest is told of `checked` in pyproject.toml; it is called on every function of deeplight.
+pytest is given `checked` in pyproject.toml; it is called on every function of deeplight.
 """
 
 from collections.abc import Callable

@@ -21,7 +21,7 @@ def root() -> Path:
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
-    """The folder beside the repository with panoramas and weights; tests without it are skipped."""
+    """Panoramas and weights next to the repository; without it tests are skipped."""
     folder = ROOT.parent / "shared"
     if not (folder / "hdri").exists():
         pytest.skip("needs ../shared/hdri")

@@ -95,7 +95,7 @@ def labels_seen(mirror: np.ndarray) -> dict[str, str]:
     return seen
 
 
-def tell(line: str) -> None:
+def report(line: str) -> None:
     """Show a measured number where pytest is run with -s."""
     sys.stdout.write(f"\n{line}\n")
 
@@ -104,7 +104,7 @@ def assert_right(theirs: Balls, tool: str) -> None:
     """The grey ball is ours within `MOST_L1`, and each label is where it belongs."""
     grey, mirror = measured(theirs)
     keep(theirs, tool)
-    tell(f"{tool}: masked L1 grey {grey:.4f}, mirror {mirror:.4f}")
+    report(f"{tool}: masked L1 grey {grey:.4f}, mirror {mirror:.4f}")
     assert labels_seen(theirs.mirror) == {name: name for name in TOWARDS}
     assert grey <= MOST_L1
     assert mirror <= 0.1

@@ -15,7 +15,7 @@ def write_toy_data(
     examples: Callable[[ShardJob], Iterable[Example]] | None = None,
     rig: Rig = PAPER_RIG,
 ) -> Path:
-    """Fill `folder` with so many `examples` of each split; left out, `toy_examples`."""
+    """Fill `folder` with `examples` examples of each split; left out, `toy_examples`."""
     jobs = [job for split, count in counts.items() for job in plan_split(split, count)]
     plan = ShardPlan.begin(folder, jobs, {"paper": rig.to_dict()}, {})
     for job in plan.missing():

@@ -35,8 +35,8 @@ def strip(name: str, basis: ReflectanceBasis) -> np.ndarray:
     furnace = basis.furnace()
     inside = furnace[basis.view.mask()]
     white = np.repeat(furnace[..., None], 3, axis=2)
-    told = f"white light: {inside.min():.2f} to {inside.max():.2f}"
-    balls = [ball(white, told), ball(relight(basis, made_up_light(32)), "made-up light")]
+    title = f"white light: {inside.min():.2f} to {inside.max():.2f}"
+    balls = [ball(white, title), ball(relight(basis, made_up_light(32)), "made-up light")]
     return column([label(name, 2 * SIZE + 6), row(balls, 6)])
 
 

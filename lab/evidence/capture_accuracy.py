@@ -2,7 +2,7 @@
 
 python -m lab.evidence.capture_accuracy FOLDER [--overlays FOLDER] [--tag | --saved]
 
-Locates the rig of every FOLDER/**/*.mp4 that has a .truth.json beside it and prints a Markdown
+Locates the rig of every FOLDER/**/*.mp4 that has a .truth.json next to it and prints a Markdown
 table and a summary, in pixels of a 1080-wide frame. `--tag`: by the tag on the bar and
 CLIP.rig.json. `--saved`: the first clip's rig is located, and looked for in the others.
 """

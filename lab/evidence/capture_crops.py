@@ -46,7 +46,7 @@ _CACHE: dict[Path, np.ndarray] = {}
 
 
 def true_crops(path: Path) -> np.ndarray:
-    """(frames in the file, 3, 32, 32, 3); the truth tells of dropped frames too."""
+    """(frames in the file, 3, 32, 32, 3); the truth lists dropped frames too."""
     if path not in _CACHE:
         dropped = [frame["dropped"] for frame in json.loads(path.read_text())["frames"]]
         with np.load(path.with_suffix(".npz"), allow_pickle=False) as truth:

@@ -1,4 +1,4 @@
-"""Objects under estimated light beside the same objects under the scene's true light (figure 9).
+"""Objects under estimated light next to the same objects under the scene's true light (figure 9).
 
 python -m lab.evidence.compose_evidence data/sim [--split val] [--cases 32] [--out runs/compose]
 

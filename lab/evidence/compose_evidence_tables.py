@@ -112,13 +112,13 @@ def sides(rows: list[Row], names: list[str]) -> list[str]:
             near = [r for r in rows if r.method == name and r.kind in kinds]
             near = [r for r in near if r.light_deg < NEAR_TRUTH_DEG]
             off = _values(near, "side_deg")
-            told = off[np.isfinite(off)]
-            cells = [len(near), len(near) - len(told), "-", "-", 0]
-            if len(told):
+            known = off[np.isfinite(off)]
+            cells = [len(near), len(near) - len(known), "-", "-", 0]
+            if len(known):
                 cells[2:] = [
-                    f"{np.median(told):.0f}",
-                    f"{told.max():.0f}",
-                    (told > WRONG_DEG).sum(),
+                    f"{np.median(known):.0f}",
+                    f"{known.max():.0f}",
+                    (known > WRONG_DEG).sum(),
                 ]
             scenes = "sun" if len(kinds) == 1 else "all"
             lines.append(f"| {name} | {scenes} | {' | '.join(map(str, cells))} |")

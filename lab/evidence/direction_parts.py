@@ -1,4 +1,4 @@
-"""Where the main light is when the model misses it: in the photo, beside it, behind the camera.
+"""Where the main light is when the model misses it: in the photo, next to it, behind the camera.
 
     python -m lab.evidence.direction_parts data/sim
 

@@ -54,7 +54,7 @@ class Args:
     imagenet: Path
     """Folded MobileNetV2 weights that every encoder starts from."""
     more: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """Data sets that the row `more` learns from beside the first; without one it is left out."""
+    """Data sets that the row `more` adds to the first; without one it is left out."""
     made: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """The same for the row `made`: views in made-up places, say."""
     out: Path = Path("runs/equal")
@@ -70,10 +70,10 @@ def main(args: Args) -> None:
     unknown = sorted(set(args.rows) - set(ROWS))
     if unknown:
         raise ConfigError(f"rows of {', '.join(ROWS)}", ", ".join(unknown), "choose of these")
-    beside = {"more": args.more, "made": args.made}
+    extra = {"more": args.more, "made": args.made}
     for name in args.rows:
-        more = beside.get(name, ())
-        if name in beside and not more:
+        more = extra.get(name, ())
+        if name in extra and not more:
             continue
         variant, changes = ROWS[name]
         print(name, variant, *changes)

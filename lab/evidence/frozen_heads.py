@@ -1,4 +1,4 @@
-"""What more places, one sphere alone or other data would change, told in minutes on a CPU.
+"""What more places, one sphere alone or other data would change, found in minutes on a CPU.
 
     python -m lab.evidence.frozen_heads data/sim --imagenet mobilenet_v2_imagenet_folded.npz
     python -m lab.evidence.frozen_heads data/sim --imagenet ... --rows more --more data/varied
@@ -6,7 +6,7 @@
 A stand-in for training the network: MobileNetV2's ImageNet features stay frozen and are computed
 once; a small head (256 units, 40 principal components of ln radiance) learns on them from the
 relighting loss, with the same number of steps in every row. It is not the network of the paper:
-read its numbers beside each other, not beside the model's. Everything is measured on the
+read its numbers next to each other, not next to the model's. Everything is measured on the
 validation places, with the metrics of `deeplight evaluate`.
 """
 
@@ -41,7 +41,7 @@ COMPONENTS, DIRECTIONS, HIDDEN, DROPOUT = 40, 384, 256, 0.3
 BATCH, LEARNING_RATE, WEIGHT_DECAY, AVERAGE = 128, 3e-3, 1e-2, 0.99
 PIXELS = (183, 60, 40)  # of mirror, matte silver, diffuse, drawn anew for each step
 FITS = 1000
-TOLD = ("l1_diffuse", "l1_matte_silver", "l1_mirror", "theta_rgb_deg")
+REPORTED = ("l1_diffuse", "l1_matte_silver", "l1_mirror", "theta_rgb_deg")
 WEIGHTS = {  # mirror, matte silver, diffuse
     "all, 0.4 / 0.2 / 0.4": (0.4, 0.2, 0.4),
     "all, the paper's 0.2 / 0.2 / 0.6": (0.2, 0.2, 0.6),
@@ -66,11 +66,11 @@ class Args:
     cache: Path = Path("out/frozen_heads")
     """Where features are kept."""
     every: int = 3
-    """Take one of so many training examples as it is and the next one flipped."""
+    """Take one training example as it is and the next one flipped."""
     steps: int = 300
     """Steps of every head."""
     seeds: int = 3
-    """Heads of each row; the mean and their standard deviation are told."""
+    """Heads of each row; the mean and their standard deviation are reported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +109,15 @@ def main(args: Args) -> None:
         names = np.unique(train.places)
         for share in (0.25, 0.5, 1.0):
             count = round(share * len(names))
-            bench.tell(f"{count} places", train, args.seeds, count)
+            bench.report(f"{count} places", train, args.seeds, count)
     for name, weights in WEIGHTS.items() if "spheres" in args.rows else ():
-        bench.tell(name, train, args.seeds, weights=weights)
+        bench.report(name, train, args.seeds, weights=weights)
     if "more" in args.rows:
-        bench.tell("as above", train, args.seeds)
+        bench.report("as above", train, args.seeds)
         for address in args.more:
             added = training_views(args, address, encoder)
             words = f"and {len(added.places)} views of {address}"
-            bench.tell(words, train.joined(added), args.seeds)
+            bench.report(words, train.joined(added), args.seeds)
 
 
 def training_views(args: Args, address: str, encoder: MobileNetV2Encoder) -> Views:
@@ -203,17 +203,17 @@ class Bench:
         known = np.where(lights > 0, lights, START_RADIANCE)
         return torch.from_numpy(np.log(known)).float().permute(0, 3, 1, 2)
 
-    def tell(
+    def report(
         self, name: str, train: Views, seeds: int, places: int | None = None,
         weights: tuple[float, ...] = (0.4, 0.2, 0.4),
     ) -> None:  # fmt: skip
-        """Train a head from each seed, with so many places, and print a row."""
+        """Train a head from each seed, with this number of places, and print a row."""
         rows = []
         for seed in range(seeds):
             names = np.random.default_rng(seed).permutation(np.unique(train.places))
             chosen = np.flatnonzero(np.isin(train.places, names[:places]))
             metrics = self.measured(train, chosen, weights, seed).metrics()
-            rows.append([float(np.nanmean(metrics[metric])) for metric in TOLD])
+            rows.append([float(np.nanmean(metrics[metric])) for metric in REPORTED])
         cells = [
             f"{statistics.mean(values):.3f} ± {statistics.pstdev(values):.3f}"
             for values in zip(*rows, strict=True)

@@ -49,7 +49,7 @@ class Args:
     model: tuple[Path | None, ...] = (None,)
     """Exported networks; left out, deeplight's own."""
     at_most: int | None = None
-    """Only so many examples, evenly spread."""
+    """At most this number of examples, evenly spread."""
 
 
 @dataclass(frozen=True)

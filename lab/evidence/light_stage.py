@@ -93,9 +93,9 @@ def changed(folder: Path, into: Path, drop_dark: bool = False, **lights: object)
             link = into / path.relative_to(folder)
             link.parent.mkdir(parents=True, exist_ok=True)
             os.link(path, link)
-    told = json.loads((folder / "lights.json").read_text()) | lights
+    described = json.loads((folder / "lights.json").read_text()) | lights
     (into / "lights.json").unlink()
-    (into / "lights.json").write_text(json.dumps(told))
+    (into / "lights.json").write_text(json.dumps(described))
     return into
 
 

@@ -3,7 +3,7 @@
 python -m lab.evidence.update_compose [FOLDER]     what it wrote; runs/compose_test by default
 
 Only what stands between `<!-- results: compose -->` and `<!-- results end -->` is replaced, and the
-two pictures beside it. Numbers of other weights than the shipped ones are refused.
+two pictures next to it. Numbers of other weights than the shipped ones are refused.
 """
 
 import sys
@@ -100,14 +100,14 @@ def main(folder: Path, root: Path = ROOT) -> list[Path]:
         raise RefusedError(f"{folder} is of other weights than the shipped ones: run it again")
     document = root / DOCUMENT
     text = document.read_text(encoding="utf-8")
-    block = {"compose": told(Evidence(read_rows(folder)))}
+    block = {"compose": sentences(Evidence(read_rows(folder)))}
     text = replaced(text, block, DOCUMENT.name)
     with replacing(document) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return [document, *_pictures(folder, root)]
 
 
-def told(found: Evidence) -> str:
+def sentences(found: Evidence) -> str:
     """Tables and what they say."""
     parts = [_counts(found), _errors(found), "Case by case, the model's error less the other's:\n"]
     parts += [_differences(found), _sentences(found), _sides(found), _side_sentences(found)]

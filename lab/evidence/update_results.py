@@ -106,9 +106,9 @@ def summary(results: Results) -> str:
     for name, words in IN_WORDS.items():
         if any(name in results.estimators(split) for split in splits):
             lines.append(f"| {words} | {' | '.join(_short(results, s, name) for s in splits)} |")
-    told = [_ratios(results, split) for split in splits]
+    ratios = [_ratios(results, split) for split in splits]
     frames = " and ".join(f"{counts[s][0]} frames of {SPLITS[s]} places" for s in splits)
-    sentence = textwrap.fill(f"On {frames}. {' '.join(told)}", 118, break_on_hyphens=False)
+    sentence = textwrap.fill(f"On {frames}. {' '.join(ratios)}", 118, break_on_hyphens=False)
     return "\n".join([*lines, "", sentence]) + "\n"
 
 

@@ -31,7 +31,7 @@ from lab.film.world import DOME_M, build_world, noise_tile
 
 SIDEWAYS = rotation("z", np.pi / 2)  # upright landscape frame from the phone's own
 
-_BLUR_STEP_PX, _MOST_STEPS = 3.0, 6  # a shutter's sub-frames: one for so many pixels
+_BLUR_STEP_PX, _MOST_STEPS = 3.0, 6  # a shutter's sub-frames: one for this number of pixels
 _MIRROR_STEP_PX = 40.0  # the same for the mirror, in which the place moves that much slower
 _SHUTTER_S = {"indoor": (1 / 120, 1 / 50), "outdoor": (1 / 1000, 1 / 200)}
 _SLOWER = 0.12  # `CameraAutomatics.speed` is of frames far apart; film is smooth

@@ -90,7 +90,7 @@ class FrameMaker:
         """The spheres as ideal cameras see them, in the order of `SPHERES`, without noise.
 
         Each in the frame that `looking_at` gives its direction in the upright picture's camera.
-        Clipped at white as the frame is, then averaged in linear light, then encoded. Beside the
+        Clipped at white as the frame is, then averaged in linear light, then encoded. Next to the
         sphere and where a finger covers it the crop shows the frame.
         """
         result = []

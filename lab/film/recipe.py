@@ -17,7 +17,7 @@ TROUBLES = {
     "landscape": "phone and rig held sideways: a wide upright frame with the spheres at its side",
     "rotated": "stored with another turn than phones store portrait with",
     "blur": "hectic movement at a long shutter",
-    "still": "the camera hardly moves, so that nothing tells the rig from the place",
+    "still": "the camera hardly moves, so that nothing distinguishes the rig from the place",
 }
 SPLITS = ("any", "train", "val", "test")
 

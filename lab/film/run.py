@@ -102,11 +102,11 @@ def plan_films(folder: Path, out: Path, recipe: FilmRecipe) -> FilmSet:
 def film_all(
     films: FilmSet, progress: Callable[[int], None] = lambda frames: None
 ) -> tuple[Skipped, ...]:
-    """Film what is missing; panoramas that cannot be used are told, and noted in `SKIPPED`.
+    """Film what is missing; panoramas that cannot be used are reported, and noted in `SKIPPED`.
 
     Args:
         films: from `plan_films`.
-        progress: told the number of frames whenever some are done.
+        progress: called with the number of frames whenever some are done.
 
     Raises:
         DataSetError: not one clip could be filmed; the folder is taken away again if that empties

@@ -132,7 +132,7 @@ class Scenery:
 
 
 def spread(items: list[Item], most: int) -> list[Item]:
-    """At most so many of the items, evenly from first to last."""
+    """At most this number of the items, evenly from first to last."""
     if len(items) <= most:
         return items
     return [items[round(n)] for n in np.linspace(0, len(items) - 1, most)]

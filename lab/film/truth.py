@@ -1,4 +1,4 @@
-"""What is true of a film: CLIP.truth.json and CLIP.truth.npz beside CLIP.mp4.
+"""What is true of a film: CLIP.truth.json and CLIP.truth.npz next to CLIP.mp4.
 
 A clip with a tag on the bar also gets CLIP.rig.json, what its builder would have measured.
 """
@@ -24,7 +24,7 @@ VERSION = 1
 
 
 def truth_paths(clip: Path) -> tuple[Path, Path]:
-    """The .json and the .npz beside a clip."""
+    """The .json and the .npz next to a clip."""
     return clip.with_suffix(".truth.json"), clip.with_suffix(".truth.npz")
 
 

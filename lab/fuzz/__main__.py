@@ -24,7 +24,7 @@ class Args:
     kinds: tuple[str, ...] = ()
     """Formats; left out, all that can be read here."""
     seconds: float = float("inf")
-    """Stop after so many."""
+    """Stop after this number of seconds."""
     keep: Path = Path("out/fuzz")
     """Folder for the files that did harm."""
 

@@ -79,7 +79,7 @@ def fuzz(
     keep: Path | None = None,
     advance: Callable[[int], None] = lambda count: None,
 ) -> Result:
-    """Try `cases` damaged files of each format, in turn, for at most so many seconds.
+    """Try `cases` damaged files of each format, in turn, for at most this number of seconds.
 
     Args:
         kinds: of `seeds.SEEDS`.

@@ -150,7 +150,7 @@ def _mirrored(scene: Scene, points: Points, light: np.ndarray) -> np.ndarray:
     u, v = (rays[..., i] / -rays[..., 2] / np.tan(scene.view.angular_radius_rad) for i in (0, 1))
     normals, views = scene.view.surface(u.ravel(), v.ravel())
     seen = _light_seen(scene, normals, views, light) * (np.hypot(u, v).ravel() <= 1)
-    # Through the lens before the pixels: a light smaller than a pixel still tells where it is.
+    # Through the lens before the pixels: a light smaller than a pixel still shows where it is.
     seen = _blurred(seen.reshape(u.shape).astype(np.float32), fine)
     patch = seen.reshape(_WINDOW_PX, fine, _WINDOW_PX, fine).mean(axis=(1, 3))
     picture = np.zeros((camera.height + 2 * _WINDOW_PX, camera.width + 2 * _WINDOW_PX), np.float32)

@@ -2,7 +2,7 @@
 
     write_light_stage(Path("stage"), LightStage())
 
-The folder is what `deeplight reflectance` takes, with truth.json beside it. The paper's stage
+The folder is what `deeplight reflectance` takes, with truth.json next to it. The paper's stage
 has white LEDs 12 degrees apart at the equator; how the rings lie and how many lights that makes
 is our choice. Run again after a kill, it goes on with the photographs that are missing.
 """

@@ -21,7 +21,7 @@ from lab.worlds.world import World
 
 KINDS = ("room", "sky")
 LICENCE = "CC0, made by deeplight simulate"
-PLAN = "worlds.json"  # beside the panoramas: what they were made with
+PLAN = "worlds.json"  # next to the panoramas: what they were made with
 COLUMNS = ("file", "split", "place", "scene", "licence", "synthetic_ground")
 
 

@@ -77,7 +77,7 @@ def _look_up(faces: Cube, directions: np.ndarray) -> np.ndarray:
 
 
 def _traced(mi: Any, world: World, group: str, size: int, samples: int, seed: int) -> np.ndarray:
-    """Radiance under one group as six faces; a fourth channel tells where nothing was met."""
+    """Radiance under one group as six faces; a fourth channel marks where nothing was met."""
     scene = mi.load_dict(_scene(mi, world, group))
     faces = []
     for number, name in enumerate(cube.FACES):

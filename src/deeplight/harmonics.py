@@ -187,7 +187,7 @@ def dominant_light_of_latlong(
 ) -> tuple[DominantLight, Float[np.ndarray, "height width 3"]]:
     """The dominant light of a panorama at the panorama's own resolution, and its own radiance.
 
-    Where it is, a 32 x 32 ball tells; what it adds is taken from the panorama itself, so that a
+    Where it is, a 32 x 32 ball shows; what it adds is taken from the panorama itself, so that a
     sun's size and direction are as fine as its pixels. The panorama less the second result is what
     `remainder` holds on a ball.
     """

@@ -62,17 +62,17 @@ def test_two_objects_stand_where_they_were_put(
     assert changed[27:33, 43:49].mean() > 0.7
     assert not changed[:12].any()
     assert read_hdr(layers).shape == (48, 64, 3)
-    told = capsys.readouterr().out
-    assert "0.35 m" in told
-    assert "--pitch" not in told  # it was given
+    printed = capsys.readouterr().out
+    assert "0.35 m" in printed
+    assert "--pitch" not in printed  # it was given
 
 
-def test_defaults_are_told(photo: Path, tmp_path: Path, capsys) -> None:
+def test_defaults_are_reported(photo: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "a.jpg"
     assert compose(photo, "--object", "sphere", "--out", out, "--engine", "scalar") == 0
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for assumption in ("field of view", "camera tilt unknown, assumed -15", "sphere:"):
-        assert assumption in told
+        assert assumption in printed
     assert read_photo(out).pixels.shape == (48, 64, 3)
 
 
@@ -99,9 +99,9 @@ def test_wrong_words_give_one_line_and_no_file(
 ) -> None:
     out = tmp_path / "results" / "out.png"
     assert compose(photo, "--out", out, "--fov", "50", "--engine", "scalar", *words) == 2
-    told = capsys.readouterr().err
-    assert part in told
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert part in printed
+    assert printed.count("\n") == 1
     assert not out.parent.exists()
 
 

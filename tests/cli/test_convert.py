@@ -49,7 +49,7 @@ def convert(*words: str | Path) -> int:
         ("a.js", {"a.js", "a.three.exr"}),
     ],
 )
-def test_the_suffix_tells_the_format(studio, name, written, capsys) -> None:
+def test_the_suffix_gives_the_format(studio, name, written, capsys) -> None:
     out = studio.parent / "out"
     assert convert(studio, "--out", out / name) == 0
     assert {path.name for path in out.iterdir()} == written
@@ -62,8 +62,8 @@ def test_the_suffix_tells_the_format(studio, name, written, capsys) -> None:
 def test_a_picture_in_another_mapping_comes_back(studio, labelled, mapping) -> None:
     there, back = studio.with_name("there.exr"), studio.with_name("back.exr")
     assert convert(studio, "--out", there, "--mapping", mapping) == 0
-    told = ["--in-mapping", mapping] if mapping in ("angular", "mirror-ball") else []
-    assert convert(there, "--out", back, "--size", str(HEIGHT), *told) == 0
+    flags = ["--in-mapping", mapping] if mapping in ("angular", "mirror-ball") else []
+    assert convert(there, "--out", back, "--size", str(HEIGHT), *flags) == 0
     assert np.abs(read_hdr(back) - labelled).mean() < 0.3
     assert np.median(np.abs(read_hdr(back) - labelled)) < 0.02
 
@@ -93,7 +93,7 @@ def test_for_and_from_undo_each_other(studio, labelled, tool) -> None:
     np.testing.assert_allclose(read_hdr(back), labelled, rtol=0.02, atol=0.01)
 
 
-def test_an_exr_of_ours_tells_its_own_turn(studio, labelled) -> None:
+def test_an_exr_of_ours_says_how_it_is_turned(studio, labelled) -> None:
     there, back = studio.with_name("there.exr"), studio.with_name("back.exr")
     assert convert(studio, "--out", there, "--for", "unreal") == 0
     assert convert(there, "--out", back) == 0
@@ -179,7 +179,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(broken, words, said, capsys, l
     assert [path.name for path in broken.parent.iterdir()] == ["in"]
 
 
-def test_an_unknown_suffix_is_told_before_anything_is_read(tmp_path, capsys) -> None:
+def test_an_unknown_suffix_is_refused_before_anything_is_read(tmp_path, capsys) -> None:
     assert convert(tmp_path / "missing.exr", "--out", tmp_path / "a.tga") == 2
     assert ".glb" in capsys.readouterr().err
 

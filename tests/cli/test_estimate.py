@@ -56,9 +56,9 @@ def test_a_photo_gives_environment_description_and_preview(photos, estimate, tmp
     assert str(tmp_path) not in (tmp_path / "out/scene.json").read_text()
     with Image.open(tmp_path / "out/scene.preview.png") as preview:
         assert min(preview.size) > 600
-    told = capsys.readouterr().out
-    assert "scene.exr" in told
-    assert "assumed 66 degrees" in told
+    printed = capsys.readouterr().out
+    assert "scene.exr" in printed
+    assert "assumed 66 degrees" in printed
 
 
 def test_the_light_is_the_networks(photos, estimate, tmp_path):
@@ -101,15 +101,17 @@ def test_options_that_cannot_be_are_refused(photos, estimate, capsys, words):
     assert "--" in capsys.readouterr().err
 
 
-def test_a_given_field_of_view_is_used_and_a_narrow_one_is_told(photos, estimate, tmp_path, capsys):
+def test_a_given_field_of_view_is_used_and_a_narrow_one_is_reported(
+    photos, estimate, tmp_path, capsys
+):
     assert estimate(photos / "scene.jpg", "--fov", 30) == 0
     framing = json.loads((tmp_path / "out/scene.json").read_text())["framing"]
     assert framing["fov_source"] == "given"
     assert framing["vertical_fov_deg"] == pytest.approx(30)
     assert framing["visible_fraction"] < 0.5
-    told = capsys.readouterr().out
-    assert "of the view the network was trained on" in told
-    assert "assumed" not in told
+    printed = capsys.readouterr().out
+    assert "of the view the network was trained on" in printed
+    assert "assumed" not in printed
 
 
 def test_exif_gives_orientation_and_field_of_view(photos, estimate, tmp_path):
@@ -298,7 +300,7 @@ def test_a_full_disk_leaves_nothing_of_the_photo(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(photos, tmp_path, tiny_model, capsys):
+def test_a_folder_that_cannot_be_written_is_reported(photos, tmp_path, tiny_model, capsys):
     (tmp_path / "file").write_text("in the way")
     words = [photos / "scene.jpg", "--out", tmp_path / "file/out", "--model", tiny_model]
     assert main(["estimate", *map(str, words)]) == 2
@@ -306,13 +308,13 @@ def test_a_folder_that_cannot_be_written_is_told(photos, tmp_path, tiny_model, c
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [(["--fov", "0"], "--fov"), (["--fov", "nan"], "--fov"), (["--fov", "200"], "--fov")],
 )
-def test_impossible_options_are_one_line(photos, estimate, capsys, words, told):
+def test_impossible_options_are_one_line(photos, estimate, capsys, words, message):
     assert estimate(photos / "scene.jpg", *words) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
+    assert message in line
 
 
 def test_an_unknown_tool_is_refused_with_the_known_ones(photos, estimate, capsys):

@@ -55,11 +55,11 @@ def test_a_batch_of_inputs_gives_what_single_photos_give(estimator: OnnxEstimato
         np.testing.assert_allclose(single, Lighting.from_log_radiance(expected).radiance, rtol=1e-5)
 
 
-def test_explain_tells_framing_notes_and_times(estimator: OnnxEstimator):
-    told = estimator.explain(smooth_pixels(), fov_deg=40)
-    assert told.framing.fov_source == "given"
-    assert any("trained on" in note for note in told.notes)
-    assert set(told.seconds) == {"read", "prepare", "network"}
+def test_explain_gives_framing_notes_and_times(estimator: OnnxEstimator):
+    explained = estimator.explain(smooth_pixels(), fov_deg=40)
+    assert explained.framing.fov_source == "given"
+    assert any("trained on" in note for note in explained.notes)
+    assert set(explained.seconds) == {"read", "prepare", "network"}
     whole = estimator.explain(np.zeros((1920, 1080, 3), np.uint8), fov_deg=66)
     assert whole.notes == ()
 
@@ -99,13 +99,13 @@ def test_a_damaged_picture_from_pillow_is_refused(estimator: OnnxEstimator, tmp_
         estimator.estimate(cut)
 
 
-def test_wrong_model_files_are_told_in_one_line(tmp_path: Path):
+def test_wrong_model_files_are_reported_in_one_line(tmp_path: Path):
     (tmp_path / "text.onnx").write_text("no model")
     write_tiny_model(tmp_path / "bare.onnx", contract_json=None)
     newer = ModelContract().to_json().replace('"version": 2', '"version": 3')
     write_tiny_model(tmp_path / "newer.onnx", newer)
     write_tiny_model(tmp_path / "lies.onnx", ModelContract().to_json(), light_size=16)
-    for name, told in {
+    for name, message in {
         "missing.onnx": "no file",
         "text.onnx": "cannot load",
         "bare.onnx": "exported by deeplight",
@@ -113,7 +113,7 @@ def test_wrong_model_files_are_told_in_one_line(tmp_path: Path):
         "lies.onnx": "keeps its own contract",
         "": "a folder",
     }.items():
-        with pytest.raises(ModelError, match=told) as caught:
+        with pytest.raises(ModelError, match=message) as caught:
             OnnxEstimator(tmp_path / name)
         assert "\n" not in str(caught.value)
 

@@ -92,7 +92,7 @@ def test_the_shipped_model_is_read_back_as_a_network(root):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("--out", "a.onnx", "--precision", "int8"), "float32 or float16 for ONNX"),
         (("--out", "a.tflite", "--precision", "int8"), "--calibrate"),
@@ -100,11 +100,11 @@ def test_the_shipped_model_is_read_back_as_a_network(root):
         (("--out", "a.onnx", "--format", "tflite"), "a.onnx for tflite"),
     ],
 )
-def test_what_does_not_fit_is_one_line(tiny, tmp_path, monkeypatch, capfd, words, told):
+def test_what_does_not_fit_is_one_line(tiny, tmp_path, monkeypatch, capfd, words, message):
     monkeypatch.chdir(tmp_path)
     assert main(["export", str(tiny), *words]) == 2
     (line,) = capfd.readouterr().err.splitlines()
-    assert told in line
+    assert message in line
     assert not list(tmp_path.iterdir())
 
 
@@ -121,6 +121,6 @@ def test_no_model_is_one_line(tmp_path, capfd):
 @pytest.mark.skipif(
     importlib.util.find_spec("litert_torch") is not None, reason="the converter is installed"
 )
-def test_without_the_converter_its_extra_is_told(tiny, tmp_path, capfd):
+def test_without_the_converter_its_extra_is_reported(tiny, tmp_path, capfd):
     assert main(["export", str(tiny), "--out", str(tmp_path / "a.tflite")]) == 2
     assert 'pip install ".[tflite]"' in capfd.readouterr().err

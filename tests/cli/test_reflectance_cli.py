@@ -1,4 +1,4 @@
-"""`deeplight reflectance` from the outside: what it writes, and broken folders told in one line."""
+"""`deeplight reflectance` from the outside: what it writes; broken folders are one line."""
 
 import json
 import shutil
@@ -48,8 +48,8 @@ def test_basis_certificate_and_picture_are_written(stage: Path, capfd) -> None:
     mask = basis.view.mask()
     assert basis.furnace()[mask].mean() == pytest.approx(sphere["measured"], rel=1e-5)
     assert load_provenance(out / "basis.npz")["certificate"] == certificate
-    told = capfd.readouterr().out
-    assert f"{sphere['measured']:.4f}" in told
+    printed = capfd.readouterr().out
+    assert f"{sphere['measured']:.4f}" in printed
 
 
 def test_a_killed_stage_goes_on_with_what_is_missing(stage: Path) -> None:
@@ -117,7 +117,7 @@ def spoil(stage: Path, kind: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "told"),
+    ("kind", "message"),
     [
         ("NaN", "NaN or infinite"),
         ("missing", "light_003.exr"),
@@ -138,12 +138,12 @@ def spoil(stage: Path, kind: str) -> list[str]:
         ("gone", "folder of photographs"),
     ],
 )
-def test_a_broken_folder_is_one_line_and_nothing_written(stage, capfd, kind, told) -> None:
+def test_a_broken_folder_is_one_line_and_nothing_written(stage, capfd, kind, message) -> None:
     words = spoil(stage, kind)
     assert reflectance(stage, *words) == 2
     (line,) = capfd.readouterr().err.strip().splitlines()
     assert line.startswith("deeplight reflectance: ")
-    assert told in line
+    assert message in line
     assert not (stage.parent / "out").exists()
 
 

@@ -42,9 +42,9 @@ def test_a_mesh_file_becomes_a_transfer(
     out = tmp_path / "new" / "cube.transfer"
     words = [str(cube), "--out", str(out), *QUICK, "--order", "3", "--longest-edge", "0.5"]
     assert main(["transfer", *words]) == 0
-    told = capsys.readouterr().out
-    assert "left out 1 triangles without area" in told
-    assert "split 12 triangles" in told
+    printed = capsys.readouterr().out
+    assert "left out 1 triangles without area" in printed
+    assert "split 12 triangles" in printed
     transfer = read(out)
     assert transfer.order == 3
     assert transfer.glossy is not None
@@ -62,7 +62,7 @@ def test_parts_can_be_left_out(cube: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["chair.glb"], "chair.glb: No such file"),
         (["chair.stl"], "ending in .glb"),
@@ -72,13 +72,13 @@ def test_parts_can_be_left_out(cube: Path, tmp_path: Path) -> None:
         (["sphere", "--ground", "1.5"], "a reflectivity from 0 to 1"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_line(
-    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_cannot_be_is_reported_in_one_line(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "made" / "a.transfer"
     assert main(["transfer", *words, "--out", str(out)]) == 2
     line = capsys.readouterr().err
-    assert told in line
+    assert message in line
     assert line.count("\n") == 1
     assert not out.parent.exists()
 

@@ -72,7 +72,7 @@ def test_nothing_usable_is_one_line_and_no_folder(hdri, capfd, kind):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         ("--recipe.seed -1", "recipe.seed of at least 0"),
         ("--recipe.frames 0", "recipe.frames of at least 1"),
@@ -81,11 +81,11 @@ def test_nothing_usable_is_one_line_and_no_folder(hdri, capfd, kind):
         ("--recipe.train-takes 0 --recipe.seen-takes 0 --recipe.eval-takes 0", "to film"),
     ],
 )
-def test_impossible_settings_are_one_line(hdri, capfd, words, told):
+def test_impossible_settings_are_one_line(hdri, capfd, words, message):
     write_exr(hdri / "room.exr", LIT)
     assert simulate(hdri, *words.split()) == 2
     (line,) = capfd.readouterr().err.splitlines()
-    assert told in line
+    assert message in line
 
 
 @pytest.mark.parametrize("stem", ["my room.v2", "写真 [b]", "x" * 150])
@@ -98,7 +98,7 @@ def test_a_panorama_may_have_any_name(hdri, stem):
     }
 
 
-def test_a_file_in_the_way_is_told(hdri, capfd):
+def test_a_file_in_the_way_is_reported(hdri, capfd):
     write_exr(hdri / "room.exr", LIT)
     (hdri.parent / "out").write_text("in the way")
     assert simulate(hdri, *QUICK) == 2

@@ -148,7 +148,7 @@ CAMERA = PinholeCamera(300, 400, float(np.radians(66)))
 
 @pytest.mark.parametrize("azimuth_deg", [-150, -60, 20, 100])
 @pytest.mark.parametrize("elevation_deg", [15, 40, 70])
-def test_a_shadow_tells_the_suns_direction(azimuth_deg, elevation_deg):
+def test_a_shadow_gives_the_suns_direction(azimuth_deg, elevation_deg):
     """A pole of 0.4 camera heights, projected with its shadow, gives the sun back."""
     tilt = Tilt(np.radians(-25), np.radians(3), "given")
     world = frames.world_from_camera(0.0, tilt.pitch_rad, tilt.roll_rad)

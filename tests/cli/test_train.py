@@ -1,4 +1,4 @@
-"""`deeplight train` with what cannot be trained on: one line, exit 2, no folder. What it tells."""
+"""`deeplight train` with what cannot be trained on: one line, exit 2, no folder. What it prints."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from deeplight.training.presets import preset
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         ((), "no such folder"),
         (("--preset", "largest"), "largest"),
@@ -28,12 +28,12 @@ from deeplight.training.presets import preset
         (("--set", "schedule.speed=9"), "schedule.speed"),
     ],
 )
-def test_bad_words_are_one_line_and_no_folder(tmp_path, capfd, words, told):
+def test_bad_words_are_one_line_and_no_folder(tmp_path, capfd, words, message):
     out = tmp_path / "run"
     assert main(["train", "--data", str(tmp_path / "no"), "--out", str(out), *words]) == 2
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("deeplight train: expected ")
-    assert told in line
+    assert message in line
     assert not out.exists()
 
 
@@ -59,7 +59,7 @@ def imagenet_file(kind: str, folder: Path) -> Path:
 @pytest.mark.parametrize(
     "kind", ["folder", "text", "zero bytes", "one array", "truncated", "damaged"]
 )
-def test_a_wrong_imagenet_file_is_told(tmp_path, kind):
+def test_a_wrong_imagenet_file_is_reported(tmp_path, kind):
     with pytest.raises(ModelError, match=r"weights\.npz"):
         read_folded(imagenet_file(kind, tmp_path))
 
@@ -69,13 +69,13 @@ def test_a_missing_imagenet_file_is_the_systems_error(tmp_path):
         read_folded(tmp_path / "no.npz")
 
 
-def test_an_accelerator_that_is_not_there_is_told():
+def test_an_accelerator_that_is_not_there_is_reported():
     with pytest.raises(ConfigError, match="accelerator"):
         fabric(RunConfig(accelerator="quantum"))
     assert preset("small", ["run.accelerator=cpu"]).run.accelerator == "cpu"
 
 
-def test_a_run_tells_at_the_end_which_step_was_best(tmp_path, capsys):
+def test_a_run_prints_at_the_end_which_step_was_best(tmp_path, capsys):
     finish(tmp_path, "data", None)
     assert capsys.readouterr().out == ""  # stopped before the first validation
     header = checkpoint.Header(7, 0.5, {}, "abc")

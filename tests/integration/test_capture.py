@@ -75,11 +75,11 @@ def test_the_report_keeps_its_contract(folder: Path, tmp_path: Path) -> None:
     from deeplight.sphere import PAPER_RIG, SPHERES
 
     made(folder, tmp_path / "data")
-    told = report(tmp_path / "data", "one")
-    assert (told["status"], told["reason"]) == ("ok", "")
-    assert told["frames"] == {"read": 6, "kept": 6, "dropped": {}}
-    assert set(told["spheres"]) == set(SPHERES)
-    for name, sphere in told["spheres"].items():
+    record = report(tmp_path / "data", "one")
+    assert (record["status"], record["reason"]) == ("ok", "")
+    assert record["frames"] == {"read": 6, "kept": 6, "dropped": {}}
+    assert set(record["spheres"]) == set(SPHERES)
+    for name, sphere in record["spheres"].items():
         view = PAPER_RIG.views[name]
         assert sphere["direction"] == pytest.approx(-view.ball_from_camera[2])
         assert sphere["angular_radius_rad"] == view.angular_radius_rad
@@ -148,7 +148,7 @@ Damage = Callable[[Path], object]
 
 
 @pytest.mark.parametrize(
-    ("damage", "told"),
+    ("damage", "message"),
     [
         (lambda path: path.write_bytes(path.read_bytes()[:9000]), "truncated or damaged"),
         (lambda path: path.write_bytes(b""), "0 bytes long"),
@@ -160,7 +160,7 @@ Damage = Callable[[Path], object]
     ids=["truncated", "empty", "text", "missing", "audio", "black"],
 )
 def test_a_bad_clip_is_recorded_and_the_others_are_done(
-    folder: Path, tmp_path: Path, damage: Damage, told: str, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, damage: Damage, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     damage(folder / "two.mp4")
     clips = [str(folder / f"{name}.mp4") for name in ("one", "two")]
@@ -169,10 +169,10 @@ def test_a_bad_clip_is_recorded_and_the_others_are_done(
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("deeplight capture: two.mp4: ")
-    assert told in lines[0]
+    assert message in lines[0]
     failed = report(out, "two")
     assert failed["status"] == "failed"
-    assert told in failed["reason"]
+    assert message in failed["reason"]
     assert failed["spheres"] == {}
     assert report(out, "one")["frames"]["kept"] == 6
     assert [item.file for item in open_dataset(out).manifest.skipped] == ["two.mp4"]

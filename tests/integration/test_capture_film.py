@@ -56,8 +56,8 @@ def test_film_capture_train_evaluate(
         words += ["--set", setting]
     model = tmp_path / "model.onnx"
     assert main([*words, "--export", str(model)]) == 0
-    told = capsys.readouterr().out.splitlines()[-2:]
-    assert told == [f"{run}: best at step 2; look at {run / 'curves.png'}", f"wrote {model}"]
+    lines = capsys.readouterr().out.splitlines()[-2:]
+    assert lines == [f"{run}: best at step 2; look at {run / 'curves.png'}", f"wrote {model}"]
     assert (run / "curves.png").is_file()
     results = tmp_path / "results"
     words = ["evaluate", "--data", str(out), "--split", "val", "--model", str(model)]

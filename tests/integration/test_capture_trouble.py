@@ -146,7 +146,7 @@ def peak_kb() -> int:
     return int(status.split("VmHWM:")[1].split()[0])
 
 
-@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="Linux tells")
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="only Linux reports it")
 @pytest.mark.parametrize("claimed", [64, 6400])
 def test_huge_frames_are_refused_before_they_are_decoded(
     tmp_path: Path, claimed: int, capsys: pytest.CaptureFixture[str]
@@ -212,19 +212,19 @@ def test_one_frame_is_too_few_to_find_spheres_in(
 
 @pytest.mark.usefixtures("known_rig")
 def test_a_wide_clip_sees_66_degrees_along_its_long_side(tmp_path: Path) -> None:
-    """Unless told otherwise; a tall one sees them vertically, as ever."""
+    """Unless set otherwise; a tall one sees them vertically, as ever."""
     clip = write_clip(tmp_path / "tall.mp4")
     assert captured(clip, tmp_path / "tall") == 0
-    told = report(tmp_path / "tall", "tall")
-    assert told["video"]["vertical_fov_deg"] == 66
-    assert told["warnings"] == []
+    record = report(tmp_path / "tall", "tall")
+    assert record["video"]["vertical_fov_deg"] == 66
+    assert record["warnings"] == []
     assert clip_module.frame_photo(HEIGHT, WIDTH).vertical_fov_rad == np.radians(66)
     wide = clip_module.frame_photo(1080, 1920).vertical_fov_rad
     assert np.tan(wide / 2) * 16 / 9 == pytest.approx(np.tan(np.radians(33)))
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "message"),
     [
         ("rig.json", b"", "rig file"),
         ("rig.json", b"[1, 2]", "rig file"),
@@ -236,12 +236,12 @@ def test_a_wide_clip_sees_66_degrees_along_its_long_side(tmp_path: Path) -> None
     ],
 )
 def test_a_wrong_rig_or_table_is_one_line_before_any_work(
-    tmp_path: Path, name: str, content: bytes, told: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, name: str, content: bytes, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clip, file = write_clip(tmp_path / "a.mp4"), tmp_path / name
     file.write_bytes(content)
     assert captured(clip, tmp_path / "data", f"--{file.stem}", str(file)) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
-    assert any(word in lines[0] for word in told.split("|"))
+    assert any(word in lines[0] for word in message.split("|"))
     assert not (tmp_path / "data").exists()

@@ -47,7 +47,7 @@ SPLITS = {"train": 20, "seen_indoor": 4, "val_indoor": 20, "val_outdoor": 9}
 
 
 def log_light(brightness: int) -> np.ndarray:
-    """The only light of an example: uniform grey, told by the photo's pixel value."""
+    """The only light of an example: uniform grey, given by the photo's pixel value."""
     return np.full((32, 32, 3), np.log(brightness / 100), np.float32)
 
 
@@ -374,7 +374,7 @@ def test_without_true_light_the_report_says_what_it_can(data: DataSet, tmp_path:
 
 
 @pytest.mark.usefixtures("knowing")
-def test_a_split_the_data_set_lacks_is_told(data: DataSet, tmp_path: Path) -> None:
+def test_a_split_the_data_set_lacks_is_reported(data: DataSet, tmp_path: Path) -> None:
     with pytest.raises(DataSetError, match="test"):
         command.run(command.Args(str(data.folder), ("test",)))
     with pytest.raises(DataSetError, match="choose one of"):
@@ -385,7 +385,7 @@ def test_a_split_the_data_set_lacks_is_told(data: DataSet, tmp_path: Path) -> No
 
 
 @pytest.mark.usefixtures("knowing")
-def test_an_out_that_is_a_file_is_told_before_the_work(data: DataSet, tmp_path: Path) -> None:
+def test_an_out_that_is_a_file_is_refused_before_the_work(data: DataSet, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("not a folder")
     with pytest.raises(FileExistsError):
         command.run(command.Args(str(data.folder), out=tmp_path / "out"))

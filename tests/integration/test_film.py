@@ -75,7 +75,7 @@ def test_truth_and_film_tell_the_same(films: Path) -> None:
 
 
 def test_the_filmed_sphere_is_where_the_truth_says(films: Path) -> None:
-    """The true crop's colour is found at the true place, and not beside it."""
+    """The true crop's colour is found at the true place, and not next to it."""
     clip = sorted(films.glob("clips/*.mp4"))[0]
     truth = json.loads(clip.with_suffix(".truth.json").read_text())
     picture = next(video_frames(clip)).rgb().astype(float)
@@ -86,8 +86,8 @@ def test_the_filmed_sphere_is_where_the_truth_says(films: Path) -> None:
     near = picture[row - 3 : row + 4, column - 3 : column + 4].mean((0, 1))
     assert np.abs(near - crop[12:20, 12:20].mean((0, 1))).max() < 8
     minor = round(ellipse["axes"][1])
-    beside = picture[row - minor - 6 : row - minor - 3, column - 3 : column + 4].mean((0, 1))
-    assert np.abs(beside - near).max() > 12
+    outside = picture[row - minor - 6 : row - minor - 3, column - 3 : column + 4].mean((0, 1))
+    assert np.abs(outside - near).max() > 12
 
 
 def test_what_is_missing_is_made_again_byte_for_byte(films: Path, hdri: Path) -> None:
@@ -102,7 +102,7 @@ def test_what_is_missing_is_made_again_byte_for_byte(films: Path, hdri: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         ("--film.seed 9", "recipe"),
         ("--film.troubles quake", "quake"),
@@ -112,10 +112,10 @@ def test_what_is_missing_is_made_again_byte_for_byte(films: Path, hdri: Path) ->
         ("--film.seconds nan", "600 s"),
     ],
 )
-def test_impossible_settings_are_one_line(films, hdri, capfd, words, told) -> None:
+def test_impossible_settings_are_one_line(films, hdri, capfd, words, message) -> None:
     assert film(["--hdri", str(hdri), "--out", str(films), *WORDS, *words.split()]) == 2
     (line,) = capfd.readouterr().err.splitlines()
-    assert told in line
+    assert message in line
 
 
 @pytest.mark.parametrize("split", ["train", "test"])

@@ -47,7 +47,7 @@ def digests(folder: Path) -> dict[str, str]:
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.glob("*.*"))}
 
 
-def test_a_run_makes_every_split_and_tells_what_it_skipped(whole: Path) -> None:
+def test_a_run_makes_every_split_and_lists_what_it_skipped(whole: Path) -> None:
     data = open_dataset(whole)
     manifest = data.manifest
     assert manifest.examples("train") == 8  # two takes of two frames in each place that opens

@@ -265,7 +265,7 @@ def test_the_last_good_weights_survive_what_is_not_finite(
     assert same_weights(tmp_path, whole)
 
 
-def test_the_command_tells_in_one_line_that_a_run_diverged(data, tmp_path, capfd):
+def test_the_command_says_in_one_line_that_a_run_diverged(data, tmp_path, capfd):
     """A real overflow: no weight survives steps of that size."""
     assert main(command(data, tmp_path, "optimiser.learning_rate=1e38")) == 2
     (line,) = capfd.readouterr().err.splitlines()
@@ -300,7 +300,7 @@ def test_what_cannot_be_trained_is_refused(data, tmp_path):
 
 
 def test_a_run_can_start_from_components_of_fitted_light(data, tmp_path, monkeypatch):
-    """How well light is fitted is tested beside `fitted`; here a few steps are enough."""
+    """How well light is fitted is tested next to `fitted`; here a few steps are enough."""
     monkeypatch.setattr(fitted, "STEPS", 10)
     mixed = ("network.components=2", "optimiser.decoder_after=2", "schedule.steps=2")
     train(data, tmp_path, settings(*mixed, "run.validate_every=2"))

@@ -227,7 +227,7 @@ def test_a_data_set_is_read_over_http(data, copies):
 
 
 @pytest.mark.parametrize("address", ["memory://nothing", "carrier-pigeon://here"])
-def test_an_address_without_a_data_set_is_told(copies, address):
+def test_an_address_without_a_data_set_is_reported(copies, address):
     with pytest.raises(DataSetError, match=r"manifest\.json"):
         open_dataset(address)
     assert not copies.exists()

@@ -1,4 +1,4 @@
-"""`deeplight train` and `deeplight evaluate` read a data set in a bucket, told by the environment.
+"""`deeplight train` and `deeplight evaluate` read a data set in a bucket, given by the environment.
 
 Real commands against moto's stand-in for S3. It is large, so CI does without; to run it:
 `pip install s3fs "moto[server,s3]"`.
@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def service(folder: Path) -> Iterator[dict[str, str]]:
-    """The environment that tells of a service with the data set in s3://bucket/sim."""
+    """The environment that names a service with the data set in s3://bucket/sim."""
     server = moto.ThreadedMotoServer("127.0.0.1", 0, verbose=False)
     server.start()
     endpoint = "http://{}:{}".format(*server.get_host_and_port())
@@ -63,7 +63,7 @@ def service(folder: Path) -> Iterator[dict[str, str]]:
 def deeplight(
     environment: dict[str, str], copies: Path, *words: str
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command that knows of this machine's credentials only what `environment` tells."""
+    """Run a command that knows of this machine's credentials only from `environment`."""
     own = {name: value for name, value in os.environ.items() if not name.startswith("AWS_")}
     none = {
         "AWS_SHARED_CREDENTIALS_FILE": os.devnull,
@@ -111,7 +111,7 @@ def test_evaluation_reads_a_bucket(folder: Path, service: dict[str, str], tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("without", "address", "told"),
+    ("without", "address", "message"),
     [
         (False, "s3://bucket/nothing", "nothing/manifest.json"),
         (False, "s3://no-bucket/sim", "no-bucket"),
@@ -119,13 +119,13 @@ def test_evaluation_reads_a_bucket(folder: Path, service: dict[str, str], tmp_pa
     ],
 )
 def test_what_cannot_be_read_is_one_line(
-    service: dict[str, str], tmp_path: Path, without: bool, address: str, told: str
+    service: dict[str, str], tmp_path: Path, without: bool, address: str, message: str
 ) -> None:
     known = {"AWS_ENDPOINT_URL": service["AWS_ENDPOINT_URL"]} if without else service
     words = ("train", "--data", address, "--out", str(tmp_path / "run"))
     done = deeplight(known, tmp_path / "copies", *words)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
-    assert told in line
+    assert message in line
     assert SECRET not in line
     assert not (tmp_path / "run").exists()

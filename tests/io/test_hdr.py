@@ -125,7 +125,7 @@ def test_channels_without_colour_are_named(tmp_path: Path) -> None:
         read_hdr(tmp_path / "normals.exr")
 
 
-def test_an_unknown_suffix_is_told_and_nothing_is_left(tmp_path: Path) -> None:
+def test_an_unknown_suffix_is_reported_and_nothing_is_left(tmp_path: Path) -> None:
     with pytest.raises(ImageFileError, match="name ending in"):
         write_exr(tmp_path / "light.xyz", radiance())
     assert list(tmp_path.iterdir()) == []

@@ -180,7 +180,7 @@ def test_a_cut_out_is_on_mid_grey_in_every_format(tmp_path: Path, name: str) -> 
     assert np.abs(read[:, 20:] - opaque[:, 20:]).mean() < 8
 
 
-def test_a_foreign_colour_profile_is_told(tmp_path: Path) -> None:
+def test_a_foreign_colour_profile_is_reported(tmp_path: Path) -> None:
     from PIL import ImageCms
 
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
@@ -358,7 +358,7 @@ def test_a_folder_lists_its_photos_only(tmp_path: Path) -> None:
     assert [path.name for path in listed] == ["a.png", "b.JPG", "c.heic", "notes.txt"]
 
 
-def test_a_folder_without_photos_and_a_missing_file_are_told(tmp_path: Path) -> None:
+def test_a_folder_without_photos_and_a_missing_file_are_reported(tmp_path: Path) -> None:
     with pytest.raises(ImageFileError, match="folder of photos"):
         photo_paths([tmp_path])
     with pytest.raises(FileNotFoundError):

@@ -342,7 +342,7 @@ def test_nothing_outside_the_folder_is_read(tmp_path: Path) -> None:
     assert mesh.finish.lost
     assert mesh.finish.colour_map is None
     Image.new("RGB", (4, 4), (10, 20, 30)).save(tmp_path / "inside" / "secret.png")
-    mesh_file_name = tmp_path / "inside" / "b.obj"  # its last part alone is looked for beside it
+    mesh_file_name = tmp_path / "inside" / "b.obj"  # its last part alone is looked for next to it
     mesh_file_name.write_text(content)
     assert load(str(mesh_file_name))[0].finish.colour_map[0, 0].tolist() == [10, 20, 30]
 

@@ -61,7 +61,7 @@ def test_for_light_of_another_size_a_basis_renders_the_same(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("kind", ["pickle", "no zip", "truncated", "no basis", "NaN", "shape"])
-def test_a_broken_file_is_told(saved: Path, kind: str) -> None:
+def test_a_broken_file_is_reported(saved: Path, kind: str) -> None:
     arrays = dict(np.load(saved))
     if kind == "pickle":
         arrays["copper/weights"] = np.array([{"a": 1}], object)
@@ -116,7 +116,7 @@ def test_a_table_of_directions_is_normalised(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("lights", [[], {"a": 1}, [1], [{"direction": [0, 0, 1]}]])
-def test_a_wrong_list_is_told(tmp_path: Path, lights: object) -> None:
+def test_a_wrong_list_is_reported(tmp_path: Path, lights: object) -> None:
     (tmp_path / "l.json").write_text(json.dumps({"lights": lights}))
     with pytest.raises(DataSetError):
         read_lights(tmp_path / "l.json")

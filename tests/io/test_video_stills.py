@@ -178,9 +178,9 @@ def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     empty.touch()
     huge = film(tmp_path / "huge.mp4", "libx264")
     monkeypatch.setattr("deeplight.io.video.MAX_VIDEO_PIXELS", WIDTH * HEIGHT - 1)
-    for path, told in ((silent, "without video"), (empty, "0 bytes"), (huge, "64 x 96")):
+    for path, message in ((silent, "without video"), (empty, "0 bytes"), (huge, "64 x 96")):
         for read in (facts, lambda p: list(video_frames(p))):
-            with pytest.raises(ImageFileError, match=told) as caught:
+            with pytest.raises(ImageFileError, match=message) as caught:
                 read(path)
             assert "\n" not in str(caught.value)
 

@@ -29,8 +29,8 @@ def test_the_ellipse_is_the_projected_cone(place: tuple[float, float, float]) ->
     row, column = CAMERA.pixel_of_directions(rays)
     angle = np.radians(oval.angle_deg)
     along = (column - oval.x) * np.cos(angle) + (row - oval.y) * np.sin(angle)
-    beside = (row - oval.y) * np.cos(angle) - (column - oval.x) * np.sin(angle)
-    np.testing.assert_allclose((along / oval.major) ** 2 + (beside / oval.minor) ** 2, 1, rtol=1e-6)
+    across = (row - oval.y) * np.cos(angle) - (column - oval.x) * np.sin(angle)
+    np.testing.assert_allclose((along / oval.major) ** 2 + (across / oval.minor) ** 2, 1, rtol=1e-6)
 
 
 def test_a_ball_of_points_projects_into_its_ellipse() -> None:
@@ -43,9 +43,9 @@ def test_a_ball_of_points_projects_into_its_ellipse() -> None:
     oval = ellipse(CAMERA, cone)
     angle = np.radians(oval.angle_deg)
     along = (column - oval.x) * np.cos(angle) + (row - oval.y) * np.sin(angle)
-    beside = (row - oval.y) * np.cos(angle) - (column - oval.x) * np.sin(angle)
+    across = (row - oval.y) * np.cos(angle) - (column - oval.x) * np.sin(angle)
     assert abs(along).max() == pytest.approx(oval.major, rel=1e-3)
-    assert abs(beside).max() == pytest.approx(oval.minor, rel=1e-3)
+    assert abs(across).max() == pytest.approx(oval.minor, rel=1e-3)
     assert oval.major / oval.minor > 1.05  # a circle would not do
 
 

@@ -107,8 +107,8 @@ def far(folder: Path, gain: float) -> Path:
     """The same lights, stated as `gain` times as bright and far away, which is quicker to read."""
     lights = lights_of(TINY)
     assert lights.colours is not None
-    told = StageLights(lights.files, lights.directions, lights.colours * gain, calibrated=True)
-    write_lights(folder / f"{gain}.json", told)
+    described = StageLights(lights.files, lights.directions, lights.colours * gain, calibrated=True)
+    write_lights(folder / f"{gain}.json", described)
     return folder / f"{gain}.json"
 
 
@@ -135,7 +135,7 @@ def test_one_given_reflectivity_scales_every_sphere(
     assert not doubled.certificate.passes  # silver of 1.29 is no silver
 
 
-def test_missing_lights_below_are_told() -> None:
+def test_missing_lights_below_are_reported() -> None:
     all_around, upper = rings(15.0), rings(15.0, lowest_deg=-20)
     assert uncovered_share(all_around) == 0
     assert 0.1 < uncovered_share(upper) < 0.4  # a cap below -45 degrees is 15 %

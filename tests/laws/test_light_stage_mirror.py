@@ -21,7 +21,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def without(stage: Path, folder: Path, **changes: object) -> Path:
-    """A list of the same lights that tells less."""
+    """A list of the same lights with less in it."""
     lights = lights_of(STAGE)
     known = {"directions": lights.directions, "colours": lights.colours, "calibrated": False}
     write_lights(
@@ -38,7 +38,7 @@ def errors_deg(found: np.ndarray) -> np.ndarray:
 
 
 def test_directions_are_found_within_half_a_degree(stage: Path, tmp_path: Path) -> None:
-    """All in front of the sphere and beside it; at the very rim a pixel spans many degrees."""
+    """All in front of the sphere and next to it; at the very rim a pixel spans many degrees."""
     found = measure(stage, MeasureSettings(lights=without(stage, tmp_path, directions=None)))
     true = lights_of(STAGE).directions
     assert true is not None

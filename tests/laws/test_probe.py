@@ -92,7 +92,7 @@ def test_the_angular_maps_middle_is_the_view_and_its_right_is_plus_x() -> None:
         ((96, 16), "column"),
     ],
 )
-def test_a_shape_tells_its_mapping(shape, mapping) -> None:
+def test_a_shape_gives_its_mapping(shape, mapping) -> None:
     assert layouts.mapping_of(*shape) == mapping
 
 

@@ -283,7 +283,7 @@ def test_shrink_is_the_box_mean_of_whole_areas_and_splits_fractional_ones() -> N
 
 def test_turning_a_panorama_is_the_same_light_in_another_frame() -> None:
     directions = latlong.directions(128, 256)
-    colour = (0.5 + 0.5 * directions).astype(np.float32)  # radiance tells the direction
+    colour = (0.5 + 0.5 * directions).astype(np.float32)  # radiance gives the direction
     turn = ORIENTATIONS["tilted"]
     turned = resample.turned_latlong(colour, turn)
     want = 0.5 + 0.5 * frames.turned(directions, turn.T)

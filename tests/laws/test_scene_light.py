@@ -202,7 +202,7 @@ def test_flipping_the_photo_flips_the_environment(estimate):
     )
 
 
-def test_connected_parts_are_told_apart():
+def test_connected_parts_are_numbered_apart():
     mask = np.zeros((32, 64), np.float32)
     mask[4:8, 55:62] = 1
     spiral = [(r, 30) for r in range(20, 30)] + [(29, c) for c in range(20, 31)]

@@ -83,7 +83,7 @@ def test_a_convex_object_has_the_irradiance_of_harmonics(ball: Transfer, light: 
     assert np.abs(ball.diffuse_radiance(mirrored) - want).max() > 0.05
 
 
-def test_a_ball_throws_the_shadow_that_geometry_tells() -> None:
+def test_a_ball_throws_the_shadow_that_geometry_gives() -> None:
     """A ball of radius r on the plane hides (r / D)^3 of white light, D its centre's distance."""
     settings = replace(STANDING, samples=512)
     shadow = made(shapes.ball(20), settings).shadow(WHITE)[..., 0].ravel()

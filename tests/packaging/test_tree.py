@@ -32,7 +32,7 @@ def python_files(root: Path) -> list[Path]:
     return sorted((root / "src").rglob("*.py"))
 
 
-def test_every_place_tells_the_same_version(root: Path) -> None:
+def test_every_place_names_the_same_version(root: Path) -> None:
     with (root / "pyproject.toml").open("rb") as file:
         stated = tomllib.load(file)["project"]["version"]
     assert version("deeplight") == stated

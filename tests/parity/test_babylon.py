@@ -22,7 +22,7 @@ from round_trips import (
     labels_seen,
     measured,
     mirrored,
-    tell,
+    report,
 )
 
 MODULES = os.environ.get("DEEPLIGHT_NODE_MODULES", "")
@@ -42,8 +42,8 @@ def rendered(environment: Environment, folder: Path) -> Balls:
     """What Babylon.js makes of the exported glTF, default settings, its left-handed scene."""
     light = folder / "light.gltf"
     write_environment(environment, FileSpec(light))
-    told = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
-    command = ["node", str(SCRIPT), str(light), str(folder), str(SIZE), *told]
+    materials = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
+    command = ["node", str(SCRIPT), str(light), str(folder), str(SIZE), *materials]
     environ = os.environ | {"DEEPLIGHT_CHROMIUM": CHROMIUM}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environ)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
@@ -58,7 +58,7 @@ def test_babylon_sees_the_light_as_we_do(tmp_path: Path) -> None:
     """Grey by harmonics and main light together; the mirror shows all but the main light."""
     balls = rendered(labelled(), tmp_path)
     keep(balls, "Babylon.js, glTF")
-    tell("Babylon.js: masked L1 grey {:.4f}, mirror {:.4f}".format(*measured(balls)))
+    report("Babylon.js: masked L1 grey {:.4f}, mirror {:.4f}".format(*measured(balls)))
     assert measured(balls)[0] <= MOST_L1
     assert labels_seen(balls.mirror) == {name: name for name in TOWARDS}
 

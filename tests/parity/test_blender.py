@@ -42,8 +42,8 @@ def rendered(environment: Environment, folder: Path, samples: int = 256) -> Ball
     """What Blender makes of the exported script and its EXR."""
     light = folder / "light.py"
     write_environment(environment, FileSpec(light))
-    told = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
-    command = [PYTHON, str(SCRIPT), str(light), str(folder), str(SIZE), str(samples), *told]
+    materials = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
+    command = [PYTHON, str(SCRIPT), str(light), str(folder), str(SIZE), str(samples), *materials]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     return Balls(**{name: read_hdr(folder / f"{name}.exr") for name in MATERIALS})

@@ -94,7 +94,7 @@ def test_a_weight_beyond_half_precision_is_refused(model):
         store_as_float16(broken)
 
 
-def test_a_model_file_tells_nothing_of_the_machine_that_made_it(files):
+def test_a_model_file_says_nothing_of_the_machine_that_made_it(files):
     for path in files.values():
         content = path.read_bytes()
         assert b"mobilenet_v2.py" not in content
@@ -102,7 +102,7 @@ def test_a_model_file_tells_nothing_of_the_machine_that_made_it(files):
         assert str(Path(__file__).parents[2]).encode() not in content
 
 
-def test_the_shipped_model_tells_nothing_of_it_either(root):
+def test_the_shipped_model_says_nothing_of_it_either(root):
     content = (root / "src" / "deeplight" / "weights" / "deeplight.onnx").read_bytes()
     assert b".py" not in content
     assert b"stack_trace" not in content

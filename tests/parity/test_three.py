@@ -25,7 +25,7 @@ from round_trips import (
     measured,
     mirrored,
     quarter_turned,
-    tell,
+    report,
 )
 
 MODULES = os.environ.get("DEEPLIGHT_NODE_MODULES", "")
@@ -54,8 +54,8 @@ def rendered(
         )
     if way == "gain-map":
         write_environment(environment, FileSpec(folder / "light.jpg", made_for="three"))
-    told = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
-    command = ["node", str(SCRIPT), str(light), str(folder), str(SIZE), way, *told]
+    materials = [f"{name}={albedo}" for name, albedo in MATERIALS.items()]
+    command = ["node", str(SCRIPT), str(light), str(folder), str(SIZE), way, *materials]
     environ = os.environ | {"DEEPLIGHT_CHROMIUM": CHROMIUM}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environ)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
@@ -74,14 +74,14 @@ def test_three_sees_the_light_as_we_do(tmp_path: Path, way: str) -> None:
 def test_harmonics_and_a_directional_light_are_the_same_light(tmp_path: Path) -> None:
     """E(harmonics) + E(main light) = E(all), in three.js's own shaders."""
     grey, _ = measured(rendered(labelled(), tmp_path, "lights"))
-    tell(f"three.js, harmonics and main light: masked L1 grey {grey:.4f}")
+    report(f"three.js, harmonics and main light: masked L1 grey {grey:.4f}")
     assert grey <= 0.03
 
 
 def test_the_gain_map_jpeg_is_read_right_side_up(tmp_path: Path) -> None:
     """three.js's own loader bends the curve of gain maps, so the brightness is its affair."""
     balls = rendered(labelled(), tmp_path, "gain-map")
-    tell("three.js, gain map: masked L1 grey {:.4f}, mirror {:.4f}".format(*measured(balls)))
+    report("three.js, gain map: masked L1 grey {:.4f}, mirror {:.4f}".format(*measured(balls)))
     assert all(name == seen for name, seen in labels_seen(balls.mirror).items())
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from deeplight.formats.files import FileSpec, write_environment
-from round_trips import labelled, tell
+from round_trips import labelled, report
 
 PYTHON = os.environ.get("DEEPLIGHT_IMAGECODECS_PYTHON", sys.executable)
 DECODE = """
@@ -48,7 +48,7 @@ def test_libultrahdr_reads_our_radiance(tmp_path: Path) -> None:
     back = decoded(tmp_path / "light.jpg", radiance.shape)
     shown = np.minimum(radiance, LIBRARY_CLIPS_AT)
     error = np.abs(back - shown) / (shown + 0.05)
-    tell(f"libultrahdr: median error {np.median(error):.4f}, 95 % {np.percentile(error, 95):.4f}")
+    report(f"libultrahdr: median error {np.median(error):.4f}, 95 % {np.percentile(error, 95):.4f}")
     assert np.median(error) < 0.03
     # The twin: the picture the other way round is far off.
     wrong = np.abs(back[:, ::-1] - shown) / (shown + 0.05)

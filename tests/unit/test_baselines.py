@@ -162,7 +162,7 @@ def test_the_mean_true_light_is_that_of_the_seen_split(data: DataSet) -> None:
     np.testing.assert_allclose(found.log_radiance, expected, atol=1e-5)
 
 
-def test_constants_are_kept_beside_the_data_and_made_again_when_it_changed(
+def test_constants_are_kept_next_to_the_data_and_made_again_when_it_changed(
     data: DataSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = "deeplight.evaluate.baselines.suite"
@@ -294,7 +294,7 @@ def test_the_descriptor_sees_colours_and_edges() -> None:
     assert np.linalg.norm(descriptor(photo) - nearly) < 0.3
 
 
-def test_descriptors_are_kept_beside_the_data(
+def test_descriptors_are_kept_next_to_the_data(
     data: DataSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = nearest_neighbour(data)

@@ -66,7 +66,7 @@ def test_made_again_it_has_the_same_bytes(hdri: Path, published: Published, tmp_
     assert other != published.shards  # the twin: another seed
 
 
-def test_another_panorama_or_shard_is_told(
+def test_another_panorama_or_shard_is_reported(
     hdri: Path, first: Path, published: Published, tmp_path: Path
 ) -> None:
     with pytest.raises(ConfigError, match="--hdri"):

@@ -272,16 +272,16 @@ def test_the_ball_is_found_in_the_picture() -> None:
 
 
 def test_the_command_measures_a_ball(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Photo files to a file of ours, in the unit of a photo taken beside it."""
+    """Photo files to a file of ours, in the unit of a photo taken next to it."""
     light = environment(sun=20.0)
     picture = ball_picture(light, Circle(200.0, 150.0, 120.0), None)
     paths = write_bracket(tmp_path / "photos", picture)
     words = ["probe", *map(str, paths), "--out", str(tmp_path / "truth.exr")]
     words += ["--like", str(paths[3]), "--check", str(tmp_path / "check")]
     assert main(words) == 0
-    told = capsys.readouterr().out
-    assert "6 exposures over 10.0 stops" in told
-    assert "97.0% of all directions" in told
+    printed = capsys.readouterr().out
+    assert "6 exposures over 10.0 stops" in printed
+    assert "97.0% of all directions" in printed
     assert {path.name for path in (tmp_path / "check").iterdir()} == {
         "merged.png",
         "environment.png",
@@ -309,7 +309,7 @@ def curve_factor() -> float:
 # -- one clear line --------------------------------------------------------------------------------
 
 
-def test_wrong_order_missing_exif_and_misaligned_frames_are_told(tmp_path: Path) -> None:
+def test_wrong_order_missing_exif_and_misaligned_frames_are_reported(tmp_path: Path) -> None:
     true = environment()
     bare = write_bracket(tmp_path / "bare", true, exif=False)
     with pytest.raises(ImageFileError, match=r"0\.jpg without one; give --times"):

@@ -59,7 +59,7 @@ def test_two_clips_of_one_name_are_refused(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "told"),
+    ("rows", "message"),
     [
         (["a.mp4,hall,indoor,"], "complete"),
         (["a.mp4,hall,cellar,val,x"], "scene 'cellar'"),
@@ -67,6 +67,8 @@ def test_two_clips_of_one_name_are_refused(folder: Path) -> None:
         (["a.mp4,hall,indoor,train,x", "b.MOV,hall,indoor,val,x"], "hall"),
     ],
 )
-def test_a_table_that_contradicts_itself_is_told(folder: Path, rows: list[str], told: str) -> None:
-    with pytest.raises(DataSetError, match=told):
+def test_a_table_that_contradicts_itself_is_reported(
+    folder: Path, rows: list[str], message: str
+) -> None:
+    with pytest.raises(DataSetError, match=message):
         find_clips([folder], table(folder, *rows))

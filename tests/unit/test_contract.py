@@ -39,7 +39,7 @@ def entries(**changed: object) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "JSON"),
         ("[1]", "object"),
@@ -56,7 +56,7 @@ def entries(**changed: object) -> str:
         (entries(output_quantity="radiance"), "ln radiance"),
     ],
 )
-def test_what_is_not_ours_is_refused_in_one_line(text: str, told: str) -> None:
-    with pytest.raises(ModelError, match=told) as caught:
+def test_what_is_not_ours_is_refused_in_one_line(text: str, message: str) -> None:
+    with pytest.raises(ModelError, match=message) as caught:
         ModelContract.from_json(text)
     assert "\n" not in str(caught.value)

@@ -31,7 +31,7 @@ FILES = {
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A built page, with a secret beside it and links that lead there."""
+    """A built page, with a secret next to it and links that lead there."""
     site = tmp_path / "site"
     for name, content in FILES.items():
         (site / name).parent.mkdir(parents=True, exist_ok=True)
@@ -184,7 +184,7 @@ def test_oversized_and_broken_requests_are_refused(
     server: DemoServer, request_: bytes, status: bytes
 ) -> None:
     answer = say(server, request_)
-    assert status in answer[:400] or answer == b""  # closed before it could be told
+    assert status in answer[:400] or answer == b""  # closed before it could be answered
     assert ask(server, "/")[0].status == 200  # and the server goes on
 
 
@@ -337,7 +337,7 @@ def test_it_serves_by_ipv6(folder: Path) -> None:
         assert connection.getresponse().read() == FILES["index.html"]
 
 
-def test_a_port_in_use_is_told(server: DemoServer, folder: Path) -> None:
+def test_a_port_in_use_is_reported(server: DemoServer, folder: Path) -> None:
     with pytest.raises(ConfigError, match=f"got {server.port}, which is in use; give another"):
         DemoServer(Site.installed(folder), port=server.port)
 
@@ -350,12 +350,12 @@ def test_a_port_in_use_is_told(server: DemoServer, folder: Path) -> None:
         ("no.such.host.invalid", 0, "an address of this machine"),
     ],
 )
-def test_an_impossible_address_is_told(folder: Path, host: str, port: int, line: str) -> None:
+def test_an_impossible_address_is_reported(folder: Path, host: str, port: int, line: str) -> None:
     with pytest.raises(ConfigError, match=line):
         DemoServer(Site.installed(folder), host, port)
 
 
-def test_a_page_that_is_not_built_is_told(tmp_path: Path) -> None:
+def test_a_page_that_is_not_built_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="in a checkout run: make web"):
         Site.installed(tmp_path)
 
@@ -385,7 +385,7 @@ def test_every_kind_of_file_has_a_type() -> None:
     assert content_type("noidea.xyz") == "application/octet-stream"
 
 
-def test_the_command_tells_its_address_and_stops_on_ctrl_c(folder: Path) -> None:
+def test_the_command_prints_its_address_and_stops_on_ctrl_c(folder: Path) -> None:
     code = (
         # In the background of a script, where tests may run, Ctrl-C starts out ignored.
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "

@@ -62,9 +62,9 @@ def test_impossible_engines_are_refused() -> None:
 
 def test_a_cluster_that_is_not_there_is_one_line() -> None:
     pytest.importorskip("ray")
-    with pytest.raises(ConfigError, match="Ray cluster") as told:
+    with pytest.raises(ConfigError, match="Ray cluster") as caught:
         list(run([1], threads_allowed, Engine("ray", 1, "127.0.0.1:9")))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.fixture(scope="module")

@@ -137,7 +137,7 @@ def test_other_words_are_refused(tmp_path: Path, item: str) -> None:
         panorama_estimates([item.format(here=tmp_path)])
 
 
-def test_a_folder_that_lacks_something_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_lacks_something_is_reported(tmp_path: Path) -> None:
     with pytest.raises(DataSetError, match="folder of panoramas"):
         panorama_estimates([f"other={tmp_path / 'none'}"])
     with pytest.raises(DataSetError, match="none in"):

@@ -46,7 +46,7 @@ def whole_sphere() -> np.ndarray:
 def test_the_labelled_panorama_has_each_colour_and_lamp_where_it_says(environment) -> None:
     for name, (_, colour) in LABELS.items():
         forward = np.eye(3)["xyz".index(name[1])] * float(f"{name[0]}1")
-        aside = forward + 0.8 * (forward == 0)  # in a corner, beside the letters
+        aside = forward + 0.8 * (forward == 0)  # in a corner, next to the letters
         row, column = latlong.position((aside / np.linalg.norm(aside))[None], 128, 256)
         seen = environment.radiance[round(row[0]), round(column[0]) % 256]
         np.testing.assert_allclose(seen, colour, atol=0.01)
@@ -227,12 +227,12 @@ def test_gain_map_jpeg_opens_as_a_picture_and_gives_the_radiance_back(tmp_path) 
         for part in (content, content[second:])
     )
     assert base.shape == gains.shape == (64, 128, 3)
-    told = {}
+    tags = {}
     for name in ("GainMapMin", "GainMapMax", "OffsetSDR", "OffsetHDR"):
-        told[name] = float(content[second:].split(f'hdrgm:{name}="'.encode())[1].split(b'"')[0])
+        tags[name] = float(content[second:].split(f'hdrgm:{name}="'.encode())[1].split(b'"')[0])
     linear = np.where(base <= 0.04045, base / 12.92, ((base + 0.055) / 1.055) ** 2.4)
-    stops = told["GainMapMin"] + gains * (told["GainMapMax"] - told["GainMapMin"])
-    back = (linear + told["OffsetSDR"]) * 2**stops - told["OffsetHDR"]
+    stops = tags["GainMapMin"] + gains * (tags["GainMapMax"] - tags["GainMapMin"])
+    back = (linear + tags["OffsetSDR"]) * 2**stops - tags["OffsetHDR"]
     error = np.abs(back - radiance) / (radiance + 0.05)
     assert np.median(error) < 0.03
     lamp = radiance.max(axis=-1) > 40
@@ -252,7 +252,7 @@ def test_a_blender_script_is_python_and_its_exr_is_turned(environment, tmp_path)
         runpy.run_path(str(script))
 
 
-def test_a_three_module_tells_its_light_in_the_all_positive_sign(environment, tmp_path) -> None:
+def test_a_three_module_has_its_light_in_the_all_positive_sign(environment, tmp_path) -> None:
     exr, module = write_environment(environment, FileSpec(tmp_path / "light.js"))
     text = module.read_text()
     assert "@" not in text.replace("@augments", "")

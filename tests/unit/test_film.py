@@ -387,7 +387,7 @@ def test_a_clip_is_decided_by_its_seed() -> None:
 
 def test_troubles_come_after_the_first_third_one_or_two_each() -> None:
     recipe = FilmRecipe(clips=27, troubles=("all",))
-    told = [recipe.troubles_of(n) for n in range(27)]
-    assert told[:9] == [()] * 9
-    assert [t[0] for t in told[9:21]] == list(TROUBLES)
-    assert all(len(set(t)) == len(t) == 2 for t in told[21:])
+    troubles = [recipe.troubles_of(n) for n in range(27)]
+    assert troubles[:9] == [()] * 9
+    assert [t[0] for t in troubles[9:21]] == list(TROUBLES)
+    assert all(len(set(t)) == len(t) == 2 for t in troubles[21:])

@@ -1,4 +1,4 @@
-"""Finding the sphere: sub-pixel, elliptic off the axis, robust; told when there is none."""
+"""Finding the sphere: sub-pixel, elliptic off the axis, robust; reported when there is none."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_a_given_circle_is_taken_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("kind", ["black", "even", "noise", "square"])
-def test_a_picture_without_a_sphere_is_told(kind: str) -> None:
+def test_a_picture_without_a_sphere_is_reported(kind: str) -> None:
     picture = np.zeros((80, 80))
     if kind == "even":
         picture += 0.5

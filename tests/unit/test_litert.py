@@ -84,7 +84,7 @@ def test_estimate_takes_a_tflite_file(golden, root, tmp_path, capfd):
     assert "XNNPACK" not in capfd.readouterr().err
 
 
-def test_without_the_runtime_the_extra_is_told(golden, monkeypatch):
+def test_without_the_runtime_the_extra_is_reported(golden, monkeypatch):
     monkeypatch.setitem(sys.modules, "ai_edge_litert", None)
     monkeypatch.delitem(sys.modules, "deeplight.estimators.litert", raising=False)
     with pytest.raises(MissingExtraError, match=r"\.\[litert\]"):
@@ -119,14 +119,14 @@ def test_benchmark_writes_its_table(golden, tmp_path, capsys):
     words = [*models, "--threads", "1", "--rounds", "3", "--without-xnnpack", "--out"]
     assert main(["benchmark", *words, str(tmp_path / "out")]) == 0
     assert "tiny.onnx" in capsys.readouterr().out
-    told = json.loads((tmp_path / "out" / "benchmark.json").read_text())
-    assert told["machine"]["matrix_peak_gflops"]["1"] > 0.1
-    runtimes = [row["runtime"] for row in told["rows"]]
+    results = json.loads((tmp_path / "out" / "benchmark.json").read_text())
+    assert results["machine"]["matrix_peak_gflops"]["1"] > 0.1
+    runtimes = [row["runtime"] for row in results["rows"]]
     assert runtimes == ["onnxruntime", "LiteRT", "LiteRT without XNNPACK"]
-    for row in told["rows"]:
+    for row in results["rows"]:
         assert 0 < row["fastest_ms"] <= row["p10_ms"] <= row["median_ms"] <= row["p90_ms"]
         achieved = 2 * row["multiply_adds"] / (row["fastest_ms"] * 1e6)
-        peak = told["machine"]["matrix_peak_gflops"]["1"]
+        peak = results["machine"]["matrix_peak_gflops"]["1"]
         assert row["of_peak"] == pytest.approx(achieved / peak)
     with (tmp_path / "out" / "benchmark.csv").open() as file:
         assert len(list(csv.DictReader(file))) == 3

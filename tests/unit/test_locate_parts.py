@@ -28,7 +28,7 @@ from deeplight.capture.motion import Evidence, persistent_edges  # noqa: E402
 from deeplight.capture.refine import SphereOutline, refine, refine_by_sides, split_cost  # noqa: E402
 from deeplight.capture.rig_file import read_rig_file, write_rig_file  # noqa: E402
 from deeplight.capture.sizes import expected_radius  # noqa: E402
-from deeplight.capture.tag import cones_beside_tag, tag_corners  # noqa: E402
+from deeplight.capture.tag import cones_next_to_tag, tag_corners  # noqa: E402
 from deeplight.errors import DataSetError  # noqa: E402
 from deeplight.lighting import Lighting  # noqa: E402
 from deeplight.reflectance import analytic_basis  # noqa: E402
@@ -117,7 +117,7 @@ def test_two_discs_are_not_three() -> None:
 
 
 def test_circles_that_a_mirror_shows_are_not_spheres() -> None:
-    """Three alike inside a clearer, larger circle are its reflections; beside it they count."""
+    """Three alike inside a clearer, larger circle are its reflections; next to it they count."""
     small = [Candidate(cone_at(x, -0.4, 1.5), 0.4) for x in (-0.09, 0.0, 0.09)]
     around = Candidate(cone_at(0.0, -0.4, 7.0), 0.7)
     assert triples([around, *small]) == []
@@ -283,13 +283,13 @@ def drawn_tag(camera_from_tag: np.ndarray, origin: np.ndarray) -> np.ndarray:
     return cv2.warpPerspective(pixels, matrix, size, flags=cv2.INTER_AREA, borderValue=150)
 
 
-def test_a_drawn_tag_tells_where_the_spheres_are() -> None:
+def test_a_drawn_tag_shows_where_the_spheres_are() -> None:
     camera_from_tag = rotation("y", 0.25) @ rotation("x", -0.3)
     origin = np.array([0.02, -0.15, -0.55])
     frame = drawn_tag(camera_from_tag, origin)
     corners = tag_corners([frame], 7)
     assert corners is not None
-    cones = cones_beside_tag(corners, TAG_RIG, TAG_CAMERA)
+    cones = cones_next_to_tag(corners, TAG_RIG, TAG_CAMERA)
     assert cones is not None
     for name, cone in cones.items():
         true = camera_from_tag @ TAG_RIG.centres_m[name] + origin

@@ -163,11 +163,11 @@ def test_one_outline_gone_astray_does_not_move_a_rig() -> None:
     assert off_px(moved_together(CONES, shifted)) > 1.0
 
 
-def test_a_tag_tells_where_the_spheres_are() -> None:
+def test_a_tag_shows_where_the_spheres_are() -> None:
     assert off_px(found(clip(CONES, tag=True, moving=False), TAG)) < 1.0
 
 
-def test_a_missing_tag_and_another_tag_are_told() -> None:
+def test_a_missing_tag_and_another_tag_are_reported() -> None:
     for frames, rig in ((usual(), TAG), (clip(CONES, tag=True), replace(TAG, tag_id=8))):
         with pytest.raises(NotLocated, match="no AprilTag 36h11 number") as caught:
             found(frames, rig)
@@ -180,7 +180,7 @@ def test_two_spheres_are_not_a_rig() -> None:
     assert caught.value.overlay is not None
 
 
-def test_nothing_that_moves_and_no_spheres_is_told_with_a_picture() -> None:
+def test_nothing_that_moves_and_no_spheres_is_reported_with_a_picture() -> None:
     with pytest.raises(NotLocated) as caught:
         found(clip({}, moving=False), None)
     assert caught.value.overlay is not None

@@ -165,7 +165,7 @@ def test_values_that_hold_arrays_are_equal_to_themselves_alone(make: Callable[[]
     assert len({one, other}) == 2
 
 
-def test_too_bright_log_radiance_is_told_once_by_its_error() -> None:
+def test_too_bright_log_radiance_is_reported_once_by_its_error() -> None:
     too_bright = spoilt(200)
     with warnings.catch_warnings(action="error"), pytest.raises(ShapeError):
         Lighting.from_log_radiance(too_bright)

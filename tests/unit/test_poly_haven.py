@@ -42,15 +42,15 @@ class Haven:
 
     def add(self, slug: str, content: bytes, **info: object) -> None:
         self.content[f"/dl/{slug}_1k.hdr"] = content
-        told = {
+        entry = {
             "url": f"{self.address}/dl/{slug}_1k.hdr",
             "size": len(content),
             "md5": hashlib.md5(content).hexdigest(),
         }
-        self.answers[f"/files/{slug}"] = {"hdri": {"1k": {"hdr": told}}}
+        self.answers[f"/files/{slug}"] = {"hdri": {"1k": {"hdr": entry}}}
         self.answers[f"/info/{slug}"] = {"name": slug, **info}
 
-    def told(self, slug: str) -> dict[str, object]:
+    def entry(self, slug: str) -> dict[str, object]:
         return self.answers[f"/files/{slug}"]["hdri"]["1k"]["hdr"]  # type: ignore[index]
 
 
@@ -171,7 +171,7 @@ def test_no_more_is_written_than_announced(haven: Haven, panorama: bytes, tmp_pa
     assert (tmp_path / "a_room.hdr").read_bytes() == panorama
 
 
-def test_a_passing_fault_is_tried_again_and_a_lasting_one_told(
+def test_a_passing_fault_is_tried_again_and_a_lasting_one_reported(
     haven: Haven, panorama: bytes, tmp_path: Path
 ) -> None:
     haven.add("a_room", panorama)
@@ -196,7 +196,7 @@ def test_hostile_names_are_refused(slug: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("url", ["file:///etc/passwd", "ftp://example.org/x", "data:,x", "x"])
 def test_only_the_web_is_read(haven: Haven, panorama: bytes, tmp_path: Path, url: str) -> None:
     haven.add("a_room", panorama)
-    haven.told("a_room")["url"] = url
+    haven.entry("a_room")["url"] = url
     with pytest.raises(DownloadError, match="web address"):
         fetch(haven, tmp_path, "a_room")
     with pytest.raises(DownloadError, match="web address"):
@@ -206,14 +206,16 @@ def test_only_the_web_is_read(haven: Haven, panorama: bytes, tmp_path: Path, url
 @pytest.mark.parametrize(
     "answer", [[], {"hdri": {"1k": {"hdr": {"url": "http://x", "size": -1, "md5": "0" * 32}}}}, {}]
 )
-def test_a_strange_answer_is_told_in_one_line(haven: Haven, tmp_path: Path, answer: object) -> None:
+def test_a_strange_answer_is_reported_in_one_line(
+    haven: Haven, tmp_path: Path, answer: object
+) -> None:
     haven.answers["/files/a_room"] = answer
-    with pytest.raises(DownloadError) as told:
+    with pytest.raises(DownloadError) as caught:
         fetch(haven, tmp_path, "a_room")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
-def test_nobody_there_is_told(tmp_path: Path) -> None:
+def test_nobody_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(DownloadError, match="check the name, the network"):
         fetch_panoramas(rows_of(["a_room"]), tmp_path, Server("http://127.0.0.1:9", 1.0, 0.0))
 

@@ -107,11 +107,11 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_bad_mesh_is_told_in_one_line(name: str, tmp_path: Path) -> None:
+def test_a_bad_mesh_is_reported_in_one_line(name: str, tmp_path: Path) -> None:
     pytest.importorskip("trimesh")
-    with pytest.raises(ImageFileError) as told:
+    with pytest.raises(ImageFileError) as caught:
         load(text(BROKEN[name], name, tmp_path))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_missing_mesh_is_an_os_error(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_a_mesh_is_read_anew_when_its_file_has_changed(tmp_path: Path) -> None:
     assert len(load(str(path))[0].faces) == 80
 
 
-def test_a_large_texture_is_reduced_and_a_huge_one_told_by_name(
+def test_a_large_texture_is_reduced_and_a_huge_one_refused_by_name(
     tmp_path: Path, monkeypatch
 ) -> None:
     trimesh = pytest.importorskip("trimesh")
@@ -218,7 +218,7 @@ def test_colours_of_faces_are_kept(tmp_path: Path) -> None:
     assert len(np.unique(of_faces[:, 0, 0].round(4))) == 12
 
 
-def test_a_texture_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+def test_a_texture_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     pytest.importorskip("trimesh")
     content = "mtllib none.mtl\nusemtl x\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     (mesh,) = load(text(content, "board.obj", tmp_path))
@@ -239,7 +239,7 @@ def test_a_wrong_item_is_refused(wrong: dict[str, Any]) -> None:
 
 
 def iphone_photo(up: np.ndarray, orientation: int, path: Path) -> Path:
-    """A photo whose maker note tells that `up` (camera frame of the upright picture) is up."""
+    """A photo whose maker note says that `up` (camera frame of the upright picture) is up."""
     x, y = up[:2]
     phone = {1: (y, -x), 3: (-y, x), 6: (x, y), 8: (-x, -y)}[orientation]
     note = b"Apple iOS\0\0\x01MM" + struct.pack(">HHHII", 1, 8, 10, 3, 32) + bytes(4)
@@ -275,9 +275,9 @@ def test_the_cameras_elevation_is_read_where_it_is_known(tmp_path: Path) -> None
     assert known is not None
     assert known.pitch_rad == pytest.approx(np.radians(-12.5))
     content = (tmp_path / "a.jpg").read_bytes()
-    told = struct.pack(">2i", -25, 2)
-    assert content.count(told) == 1
-    (tmp_path / "a.jpg").write_bytes(content.replace(told, struct.pack(">2I", 0, 0xFFFFFFFF)))
+    packed = struct.pack(">2i", -25, 2)
+    assert content.count(packed) == 1
+    (tmp_path / "a.jpg").write_bytes(content.replace(packed, struct.pack(">2I", 0, 0xFFFFFFFF)))
     assert tilt_of(tmp_path / "a.jpg") is None
     assert tilt_of(elevated(tmp_path / "b.jpg", "n/a")) is None
 

@@ -51,11 +51,11 @@ def test_houses_in_front_of_the_sky_do_not_matter_much() -> None:
     assert np.degrees(np.arccos(found.sun @ sun)) < 3
 
 
-def test_the_sky_is_blue_opposite_the_sun_and_brightest_beside_it() -> None:
+def test_the_sky_is_blue_opposite_the_sun_and_brightest_next_to_it() -> None:
     sun = towards(40, 0)
-    beside, opposite = sky_radiance(np.stack([towards(45, 5), towards(45, 180)]), sun, 2.5)
+    near, opposite = sky_radiance(np.stack([towards(45, 5), towards(45, 180)]), sun, 2.5)
     assert opposite[2] > 1.3 * opposite[0]
-    assert beside @ LUMINANCE > 3 * (opposite @ LUMINANCE)
+    assert near @ LUMINANCE > 3 * (opposite @ LUMINANCE)
     hazy = sky_radiance(towards(45, 180)[None], sun, 9.0)[0]
     assert hazy[2] / hazy[0] < opposite[2] / opposite[0]
 
@@ -165,7 +165,7 @@ def test_the_filter_keeps_even_maps_and_sharpens_with_the_epoch() -> None:
     assert wide[middle].max() < 0.1 * narrow[middle].max()
 
     def difference(matrix: torch.Tensor, columns: int) -> float:
-        """Of a lamp and the same lamp so many columns away."""
+        """Of a lamp and the same lamp some columns away."""
         lamp = torch.zeros(24, 48)
         lamp[7:9, 10:12] = 2.0
         moved = torch.roll(lamp, columns, 1)

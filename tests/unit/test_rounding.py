@@ -59,7 +59,7 @@ def test_it_is_nearer_than_rounding_each_weight_alone():
     assert error[0] < 0.6 * error[1]
 
 
-def test_a_row_without_weights_gets_a_step_its_bias_can_be_told_in():
+def test_a_row_without_weights_gets_a_step_its_bias_can_be_written_in():
     layer = nn.Conv2d(3, 4, 1)
     nn.init.zeros_(layer.weight)
     nn.init.constant_(layer.bias, 2.0)

@@ -69,7 +69,7 @@ def test_the_clean_plate_is_bilinear_between_the_corners_and_knows_nothing_else(
     assert not torch.allclose(clean_plate(hidden), crop)
 
 
-def test_what_is_predicted_as_it_was_filmed_cannot_be_told_apart(bases, random):
+def test_what_is_predicted_as_it_was_filmed_looks_filmed(bases, random):
     """The right light gives the filmed picture; off the ball both are the plate, always."""
     q = torch.randn(2, 3, SIZE, SIZE, generator=random)
     rig = torch.zeros(2).long()

@@ -94,11 +94,11 @@ def test_a_mixture_of_components_travels_to_the_student(photos, size):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"), [({"width": 0.25, "latent_size": 32}, "latent_size"), ({}, "width")]
+    ("change", "message"), [({"width": 0.25, "latent_size": 32}, "latent_size"), ({}, "width")]
 )
-def test_a_teacher_of_another_latent_size_or_narrower_is_refused(wide, photos, change, told):
+def test_a_teacher_of_another_latent_size_or_narrower_is_refused(wide, photos, change, message):
     config = NetworkConfig(**{"width": 0.5, **PLAIN, **SMALL, **change})
-    with pytest.raises(ConfigError, match=told):
+    with pytest.raises(ConfigError, match=message):
         start_from(Generator(config), config, wide, photos)
 
 

@@ -64,10 +64,10 @@ def test_a_killed_fit_goes_on(bases, tmp_path, monkeypatch):
     monkeypatch.setattr(fitted, "STEPS", 10)
     table = filmed(bases, smooth_lights(5))
     whole = fit_all(bases, table, LossConfig(), tmp_path / "whole")
-    told = []
+    calls = []
 
     def killed(done, count):
-        told.append((done, count))
+        calls.append((done, count))
         if done == 4:
             raise KeyboardInterrupt
 
@@ -79,7 +79,7 @@ def test_a_killed_fit_goes_on(bases, tmp_path, monkeypatch):
     assert torch.equal(again, whole)
     for name, written in before.items():
         assert (tmp_path / "killed" / name).stat().st_mtime_ns == written
-    assert told == [(2, 5), (4, 5)]
+    assert calls == [(2, 5), (4, 5)]
 
 
 def test_components_span_what_they_were_made_of():

@@ -85,7 +85,7 @@ def test_a_place_that_is_held_out_is_not_learnt_from(tmp_path, second, split):
         leak.refuse_held_out(leak.training(CONFIG, seed=0))
 
 
-def test_the_fingerprint_tells_what_is_learnt_from(first, second):
+def test_the_fingerprint_follows_what_is_learnt_from(first, second):
     alone, both = Sources(first).fingerprint, Sources(first, [second]).fingerprint
     assert alone == Sources(first).sets[0].manifest_sha256
     assert len({alone, both, Sources(second, [first]).fingerprint}) == 3

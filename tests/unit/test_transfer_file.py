@@ -1,4 +1,4 @@
-"""Transfer files: what comes back, and that a damaged one is told and never read."""
+"""Transfer files: what comes back, and that a damaged one is reported and never read."""
 
 import struct
 import zlib
@@ -80,16 +80,16 @@ def test_without_gloss_ground_and_colours_it_is_small(content: bytes) -> None:
     assert len(encode(bare)) < 0.8 * len(content)
 
 
-def test_a_file_cut_anywhere_is_told(content: bytes) -> None:
+def test_a_file_cut_anywhere_is_reported(content: bytes) -> None:
     for length in [*range(100), *range(100, len(content), 61)]:
         with pytest.raises(ImageFileError):
             decode(content[:length])
-    with pytest.raises(ImageFileError, match="where its header tells"):
+    with pytest.raises(ImageFileError, match="where its header says"):
         decode(content + b"\0\0\0\0")
     decode(content)
 
 
-def test_a_bit_flipped_anywhere_is_told(content: bytes) -> None:
+def test_a_bit_flipped_anywhere_is_reported(content: bytes) -> None:
     for at in [*range(96), *range(96, len(content), 37)]:
         flipped = bytearray(content)
         flipped[at] ^= 1 << (at % 8)
@@ -97,9 +97,9 @@ def test_a_bit_flipped_anywhere_is_told(content: bytes) -> None:
             decode(bytes(flipped))
 
 
-def test_nonsense_behind_a_right_checksum_is_told_or_harmless(content: bytes) -> None:
+def test_nonsense_behind_a_right_checksum_is_reported_or_harmless(content: bytes) -> None:
     """Whatever a stranger writes: one line, or finite numbers of the right shapes."""
-    rng, told = np.random.default_rng(7), 0
+    rng, refused = np.random.default_rng(7), 0
     for _ in range(300):
         changed = bytearray(content)
         for at in rng.integers(16, 110, 3):
@@ -107,12 +107,12 @@ def test_nonsense_behind_a_right_checksum_is_told_or_harmless(content: bytes) ->
         try:
             got = decode(sealed(bytes(changed)))
         except ImageFileError:
-            told += 1
+            refused += 1
             continue
         assert got.triangles.max() < len(got.vertices)
         assert np.isfinite(got.diffuse).all()
         assert np.isfinite(got.vertices).all()
-    assert 100 < told < 300
+    assert 100 < refused < 300
 
 
 @pytest.mark.parametrize(
@@ -124,10 +124,10 @@ def test_nonsense_behind_a_right_checksum_is_told_or_harmless(content: bytes) ->
         (24, "<I", 2**31, "out of range"),
         (28, "<H", 60_000, "out of range"),
         (32, "<f", np.inf, "out of range"),
-        (20, "<I", 1, "where its header tells"),
+        (20, "<I", 1, "where its header says"),
     ],
 )
-def test_a_header_that_lies_is_told(
+def test_a_header_that_lies_is_reported(
     content: bytes, at: int, form: str, value: float, message: str
 ) -> None:
     part = struct.pack(form, value)
@@ -136,7 +136,7 @@ def test_a_header_that_lies_is_told(
         decode(sealed(changed))
 
 
-def test_corners_and_clusters_that_are_not_there_are_told(
+def test_corners_and_clusters_that_are_not_there_are_reported(
     transfer: Transfer, content: bytes
 ) -> None:
     count, triangles = len(transfer.vertices), len(transfer.triangles)
@@ -151,7 +151,7 @@ def test_corners_and_clusters_that_are_not_there_are_told(
         decode(sealed(changed))
 
 
-def test_something_else_is_told(tmp_path: Path) -> None:
+def test_something_else_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.transfer"
     path.write_bytes(b"glTF" + bytes(200))
     with pytest.raises(ImageFileError, match="which is none"):

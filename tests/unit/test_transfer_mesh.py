@@ -48,7 +48,7 @@ def test_it_stands_in_the_middle_and_is_1_long() -> None:
     np.testing.assert_allclose(surface.vertices.max(0), [0.5, 1 / 3, 1 / 6])
 
 
-def test_what_has_no_area_and_no_use_is_left_out_and_told() -> None:
+def test_what_has_no_area_and_no_use_is_left_out_and_reported() -> None:
     vertices = np.concatenate([CORNERS, [[0.5, 0.5, 0.5]]])
     faces = np.concatenate([FACES, [[0, 0, 1], [2, 2, 2]]])
     surface, notes = prepared([Mesh(vertices, faces)], 2.0)
@@ -57,7 +57,7 @@ def test_what_has_no_area_and_no_use_is_left_out_and_told() -> None:
     assert notes == ("left out 2 triangles without area, 1 unused vertices",)
 
 
-def test_nothing_left_is_told() -> None:
+def test_nothing_left_is_reported() -> None:
     with pytest.raises(ImageFileError, match="without area"):
         prepared([Mesh(CORNERS, np.array([[0, 1, 1], [0, 0, 3]]))], 1.0)
 
@@ -70,7 +70,7 @@ def test_broken_normals_are_made_anew() -> None:
     assert (surface.normals @ outward.T).diagonal().min() > 1
 
 
-def test_too_many_vertices_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_vertices_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transfer_mesh, "MAX_VERTICES", 7)
     with pytest.raises(ImageFileError, match="at most 7 vertices; got one of 8"):
         prepared([CUBE], 2.0)
@@ -84,7 +84,7 @@ def test_gloss_of_a_high_order_must_fit_into_memory(monkeypatch: pytest.MonkeyPa
         precompute([CUBE], TransferSettings(order=8, longest_edge=2.0))
 
 
-def test_a_mesh_turned_inside_out_is_told() -> None:
+def test_a_mesh_turned_inside_out_is_reported() -> None:
     settings = TransferSettings(samples=32, glossy=None, ground=None, longest_edge=0.6)
     inwards = Mesh(CORNERS, FACES[:, ::-1])
     assert "look inwards" in precompute([inwards], settings)[1][-1]
@@ -104,7 +104,7 @@ def test_textures_become_colours_of_vertices() -> None:
     "wrong",
     [{"order": 9}, {"samples": 3}, {"bounces": -1}, {"diffuse": 1.5}, {"roughness": 0.01}],
 )
-def test_settings_out_of_range_are_told(wrong: dict[str, float]) -> None:
+def test_settings_out_of_range_are_reported(wrong: dict[str, float]) -> None:
     with pytest.raises(ConfigError) as refused:
         TransferSettings(**wrong)  # type: ignore[arg-type]
     assert refused.value.got == f"{next(iter(wrong.values()))}"

@@ -65,14 +65,16 @@ def test_tables_sentences_and_pictures_are_the_runs(script: ModuleType, project:
     assert Image.open(written[1]).size == (1800, 18)
 
 
-def test_what_is_told_follows_the_rows(script: ModuleType, project: Path) -> None:
+def test_sentences_follow_the_rows(script: ModuleType, project: Path) -> None:
     """A model that is worse everywhere is said to be so."""
     path = project / "run" / "errors.csv"
     swapped = path.read_text().replace(",deeplight,", ",x,").replace(",khan_2006,", ",deeplight,")
     path.write_text(swapped.replace(",x,", ",khan_2006,"))
     found = script.Evidence(script.read_rows(project / "run"))
     found.names.sort(key=NAMES.index)
-    assert "object, silver: not nearer than under mean spheres and khan 2006" in script.told(found)
+    assert "object, silver: not nearer than under mean spheres and khan 2006" in script.sentences(
+        found
+    )
 
 
 def test_a_run_of_other_weights_is_refused(script: ModuleType, project: Path) -> None:

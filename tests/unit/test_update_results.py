@@ -81,7 +81,7 @@ def test_numbers_without_their_run_are_refused(
     assert [(documents / name).read_text() for name in DOCUMENTS] == before
 
 
-def test_a_document_without_markers_is_told_and_none_is_written(
+def test_a_document_without_markers_is_reported_and_none_is_written(
     script: ModuleType, folder: Path, documents: Path
 ) -> None:
     before = (documents / "README.md").read_text()

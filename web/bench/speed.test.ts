@@ -23,12 +23,12 @@ test("the network", async () => {
   const model = new URL("../../src/deeplight/weights/deeplight.onnx", import.meta.url);
   const network = await Network.open(new Uint8Array(readFileSync(model)));
   const planes = new Float32Array(3 * CONTRACT.height * CONTRACT.width);
-  await told("one run of the network", 100, () => network.logRadiance(planes));
+  await report("one run of the network", 100, () => network.logRadiance(planes));
   ort.env.wasm.numThreads = 1;
   const session = await ort.InferenceSession.create(new Uint8Array(readFileSync(model)));
   const shape = [1, 3, CONTRACT.height, CONTRACT.width];
   const feeds = { [CONTRACT.input_name]: new ort.Tensor("float32", planes, shape) };
-  await told("the same by onnxruntime-web", 100, () => session.run(feeds));
+  await report("the same by onnxruntime-web", 100, () => session.run(feeds));
 });
 
 test.each([
@@ -39,7 +39,7 @@ test.each([
   const framing = framePhoto(height, width, undefined, CONTRACT);
   const part = new CellMeans(framing);
   const pixels = new Uint8ClampedArray(4 * part.width * part.height).map((_, i) => i * 7);
-  await told(`averages of ${width} x ${height}`, width > 2000 ? 5 : 50, () => {
+  await report(`averages of ${width} x ${height}`, width > 2000 ? 5 : 50, () => {
     const means = new CellMeans(framing);
     means.add(pixels, means.top);
     means.planes(CONTRACT.input_low, CONTRACT.input_high);
@@ -58,19 +58,19 @@ test("what is made of a light", async () => {
     ]),
   ];
   for (const [name, make] of each) {
-    await told(name, 20, () => make(Lighting.fromRadiance(radiance)));
+    await report(name, 20, () => make(Lighting.fromRadiance(radiance)));
   }
   const smoother = new Smoother();
   const light = Lighting.fromRadiance(radiance);
   let time = 0;
-  await told("smoothed, camera still", 50, () => smoother.next(light, time++, IDENTITY));
+  await report("smoothed, camera still", 50, () => smoother.next(light, time++, IDENTITY));
 });
 
 beforeAll(() => {
   console.log(`node ${process.version}; milliseconds of processor time: fastest, median`);
 });
 
-async function told(name: string, count: number, act: () => unknown): Promise<void> {
+async function report(name: string, count: number, act: () => unknown): Promise<void> {
   for (let i = 0; i < Math.min(WARM_UP, count); i++) await act();
   const times: number[] = [];
   for (let i = 0; i < count; i++) {

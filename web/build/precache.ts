@@ -1,4 +1,4 @@
-/** Tells the service worker, once everything is built, which files it keeps for offline use. */
+/** Lists for the service worker, once everything is built, which files it keeps for offline use. */
 import { createHash } from "node:crypto";
 import { readdir, readFile, writeFile } from "node:fs/promises";
 import { join, relative, sep } from "node:path";

@@ -4,7 +4,7 @@ import type { Connect, Plugin } from "vite";
 /** Where the page finds the network, relative to its own address. */
 const NAME = "model/deeplight.onnx";
 
-/** Puts the network that the Python package ships beside the page: built, in dev and in preview. */
+/** Puts the network that the Python package ships next to the page: built, in dev and in preview. */
 export function shippedModel(path: string): Plugin {
   const serve: Connect.NextHandleFunction = (request, response, next) => {
     if (request.url?.split("?")[0] !== `/${NAME}`) return next();

@@ -149,7 +149,7 @@ test("follows the phone's motion: what stands on the floor leaves the view when 
   await leave();
 });
 
-test("a camera that goes away is told", async () => {
+test("a camera that goes away is reported", async () => {
   const { page, leave } = await visit(browser, site.url);
   await openCamera(page);
   await page.locator("video").evaluate((video: HTMLVideoElement) => {
@@ -163,7 +163,7 @@ test("a camera that goes away is told", async () => {
   await leave();
 });
 
-test("motion that nobody senses is told", async () => {
+test("motion that nobody senses is reported", async () => {
   const { page, leave } = await visit(browser, site.url);
   await openCamera(page);
   await page.click('[data-tray="camera"]');

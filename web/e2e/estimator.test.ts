@@ -67,7 +67,7 @@ test("knows which model it runs", async () => {
   expect(facts.file).toBe("deeplight.onnx");
 });
 
-test("tells the progress of the download up to the whole", async () => {
+test("reports the progress of the download up to the whole", async () => {
   const { progress } = await call("load", "/model/plain.onnx");
   const size = readFileSync(MODEL).length;
   expect(progress.at(-1)).toEqual([size, size]);
@@ -91,7 +91,7 @@ test("never keeps the page waiting for long", async () => {
   expect(await call("longestPause", 10)).toBeLessThan(100);
 });
 
-test("tells its speed", async () => {
+test("reports its speed", async () => {
   for (const [width, height] of [
     [720, 1280],
     [1080, 1920],

@@ -19,7 +19,7 @@ afterAll(async () => {
 });
 
 /** The notice is open, says something and its first button has the focus. */
-async function told(page: Page, kind: string, remedy: string): Promise<void> {
+async function shows(page: Page, kind: string, remedy: string): Promise<void> {
   await page.waitForSelector(`#notice[open][data-kind="${kind}"]`);
   expect((await page.textContent("#notice-title"))!.length).toBeGreaterThan(5);
   expect((await page.textContent("#notice-text"))!.length).toBeGreaterThan(30);
@@ -36,7 +36,7 @@ const cameraFails = (name: string) => (page: Page) =>
 test("no camera: a photo instead", async () => {
   const { page, leave } = await visit(browser, site.url);
   await page.click("#open-camera");
-  await told(page, "no-camera", "photo");
+  await shows(page, "no-camera", "photo");
   const [chooser] = await Promise.all([
     page.waitForEvent("filechooser"),
     page.click('#notice [data-remedy="photo"]'),
@@ -49,15 +49,15 @@ test("no camera: a photo instead", async () => {
 test.each([
   ["NotAllowedError", "denied"],
   ["NotReadableError", "camera-busy"],
-])("%s is told as %s, and the camera can be tried again", async (error, kind) => {
+])("%s is shown as %s, and the camera can be tried again", async (error, kind) => {
   const { page, leave } = await visit(browser, site.url, {
     withoutModel: true,
     before: cameraFails(error),
   });
   await page.click("#open-camera");
-  await told(page, kind, "camera");
+  await shows(page, kind, "camera");
   await page.click('#notice [data-remedy="camera"]');
-  await told(page, kind, "photo");
+  await shows(page, kind, "photo");
   await page.keyboard.press("Escape");
   expect(await page.isVisible("#open-camera")).toBe(true);
   await leave();
@@ -71,7 +71,7 @@ test("an address that is not safe", async () => {
     });
   const { page, leave } = await visit(browser, site.url, { withoutModel: true, before });
   await page.click("#open-camera");
-  await told(page, "insecure", "photo");
+  await shows(page, "insecure", "photo");
   await leave();
 });
 
@@ -83,7 +83,7 @@ test("the model is missing, then there", async () => {
     );
   const { page, leave } = await visit(browser, site.url, { before });
   await page.click("#examples button");
-  await told(page, "model-missing", "retry");
+  await shows(page, "model-missing", "retry");
   isThere = true;
   await page.click('#notice [data-remedy="retry"]');
   await untilLit(page);
@@ -95,7 +95,7 @@ test("the model is damaged", async () => {
     page.route("**/deeplight.onnx", (route) => route.fulfill({ body: "<html>no model</html>" }));
   const { page, leave } = await visit(browser, site.url, { before });
   await page.click("#examples button");
-  await told(page, "model-damaged", "retry");
+  await shows(page, "model-damaged", "retry");
   await leave();
 });
 
@@ -107,7 +107,7 @@ test("WebAssembly is missing", async () => {
     });
   const { page, leave } = await visit(browser, site.url, { before });
   await page.click("#examples button");
-  await told(page, "runtime", "retry");
+  await shows(page, "runtime", "retry");
   await leave();
 });
 
@@ -119,7 +119,7 @@ test("an object's file is missing; the light is there all the same", async () =>
   await untilLit(page);
   await page.click('[data-tray="object"]');
   await page.getByText("Teapot").click();
-  await told(page, "object-missing", "retry");
+  await shows(page, "object-missing", "retry");
   await page.keyboard.press("Escape");
   expect(await page.inputValue("#objects input:checked")).toBe("bunny");
   await leave(/404/);
@@ -131,7 +131,7 @@ test("no WebGL", async () => {
       HTMLCanvasElement.prototype.getContext = () => null;
     });
   const { page, leave } = await visit(browser, site.url, { withoutModel: true, before });
-  await told(page, "no-webgl", "reload");
+  await shows(page, "no-webgl", "reload");
   await leave(/WebGL/);
 });
 
@@ -146,6 +146,6 @@ test.each([
     });
   }
   await page.setInputFiles("#photo-file", { name: "a.jpg", mimeType: "image/jpeg", buffer });
-  await told(page, kind, "photo");
+  await shows(page, kind, "photo");
   await leave();
 });

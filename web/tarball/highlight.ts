@@ -1,4 +1,4 @@
-/** What a ball on a page tells about the light that it mirrors. */
+/** What a ball on a page shows of the light that it mirrors. */
 import type { Page } from "playwright-core";
 
 /** Of the ball's radius, right and up from its middle. */

@@ -127,7 +127,7 @@ def _trust(frame: Frame) -> Float32[np.ndarray, "height width"]:
 
 
 def _log_grey(frame: Frame) -> Grey:
-    """ln of the grey value; NaN where it is too dark or too bright to tell."""
+    """ln of the grey value; NaN where it is too dark or too bright to say."""
     grey = frame.pixels.mean(-1)
     if frame.linear:
         grey = np.sqrt(grey / max(float(grey.max()), 1e-9))

@@ -88,8 +88,8 @@ def measure(paths: Sequence[Path], settings: ProbeSettings) -> Probe:
     response = _response(frames, settings)
     found = merged(frames, response)
     facts = [_exposures(frames), f"response: {response.name}", *_limits(found)]
-    scale, unit, told = _scale(found, frames, settings)
-    facts.append(told)
+    scale, unit, fact = _scale(found, frames, settings)
+    facts.append(fact)
     picture = (found.radiance * scale).astype(np.float32)
     if settings.shows == "panorama":
         return Probe(Environment(_whole(picture), unit=unit), picture, None, facts)
@@ -97,7 +97,7 @@ def measure(paths: Sequence[Path], settings: ProbeSettings) -> Probe:
     circle = Circle(*settings.ball) if settings.ball else find_circle(middle)
     focal = settings.focal_px or frames[0].focal_px
     radiance, seen = unwrapped(picture, circle, focal)
-    facts.append(_ball_told(circle, focal, seen))
+    facts.append(_ball_fact(circle, focal, seen))
     environment = Environment(radiance / np.float32(settings.reflectivity), seen, unit=unit)
     return Probe(environment, picture, circle, facts)
 
@@ -129,8 +129,8 @@ def _scale(
         return gain * amount, "camera_white", f"unit: the white of {settings.like.name}"
     if settings.card is not None:
         brightness = float(colour @ LUMINANCE)
-        told = "unit: a white card where the grey one is"
-        return gain * settings.card_reflectance / brightness, "file", told
+        fact = "unit: a white card where the grey one is"
+        return gain * settings.card_reflectance / brightness, "file", fact
     middle = frames[len(frames) // 2]
     return gain * middle.amount, "file", f"unit: the white of {middle.path.name}"
 
@@ -160,7 +160,7 @@ def _limits(found: Merged) -> list[str]:
     return facts
 
 
-def _ball_told(
+def _ball_fact(
     circle: Circle, focal: float | None, seen: Float32[np.ndarray, "height width"]
 ) -> str:
     weight = latlong.solid_angles(*seen.shape)

@@ -1,7 +1,7 @@
 """The camera's response: linear light from stored pixel values.
 
 Recovered from the bracket itself as Debevec and Malik, "Recovering high dynamic range radiance maps
-from photographs", SIGGRAPH 1997, do it: one smooth curve per channel with which all exposures tell
+from photographs", SIGGRAPH 1997, do it: one smooth curve per channel with which all exposures give
 the same radiance. A chart of known reflectances in the picture adds what it says.
 """
 

@@ -83,13 +83,13 @@ def _thin(found: Evidence) -> np.ndarray:
     step_x, step_y = found.edge_x / length, found.edge_y / length
     result = np.ones(strength.shape, bool)
     for sign in (-1, 1):
-        beside = cv2.remap(
+        neighbours = cv2.remap(
             strength,
             (x + sign * step_x).astype(np.float32),
             (y + sign * step_y).astype(np.float32),
             cv2.INTER_LINEAR,
         )
-        result &= strength >= beside
+        result &= strength >= neighbours
     return result
 
 

@@ -1,7 +1,7 @@
 """The clips to work on, and what is known of each: place, scene, split, licence.
 
 A table in CSV names them (columns clip, place, scene, split; optional licence). Without one a
-simulated clip's truth beside it is asked, never for geometry; every other clip is its own place.
+simulated clip's truth next to it is asked, never for geometry; every other clip is its own place.
 """
 
 import hashlib

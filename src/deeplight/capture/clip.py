@@ -1,4 +1,4 @@
-"""One clip, from video to examples: find the rig, choose frames, cut them, tell about it.
+"""One clip, from video to examples: find the rig, choose frames, cut them, report.
 
 Two passes over the file, so that memory does not grow with its length: the first measures every
 frame and finds the spheres, the second converts only the frames that are kept.
@@ -32,7 +32,7 @@ from deeplight.sphere import Rig
 Picture = UInt8[np.ndarray, "height width 3"]
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9_-]")  # in keys; the clip's number keeps them apart
-_SHOWN = 12  # crops kept for the report, at least, if there are so many; at most twice
+_SHOWN = 12  # crops kept for the report, at least, if there are that many; at most twice
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class CaptureSettings:
 
 @dataclass(eq=False)
 class ClipRecord:
-    """What a report tells of a clip, gathered while it is worked on.
+    """What a report says of a clip, gathered while it is worked on.
 
     Attributes:
         clip, video: which, and what its header says.
@@ -105,8 +105,8 @@ def capture_clip(
         yield rig
         yield from _examples(account, camera, rig)
     except InputError as error:
-        told = " ".join(str(error).split())
-        account.reason = told.replace(str(account.clip.path), account.clip.path.name)
+        line = " ".join(str(error).split())
+        account.reason = line.replace(str(account.clip.path), account.clip.path.name)
         if isinstance(error, NotLocated):
             account.overlay = error.overlay
         raise

@@ -26,13 +26,13 @@ from deeplight.capture.materials import name_spheres
 from deeplight.capture.motion import WORKING_SIDE, Evidence, Sample, evidence, gather
 from deeplight.capture.refine import SphereOutline, refine, refine_place
 from deeplight.capture.sizes import even_sizes, mirror_of_size
-from deeplight.capture.tag import cones_beside_tag, tag_corners
+from deeplight.capture.tag import cones_next_to_tag, tag_corners
 from deeplight.io.video import VideoFrame
 from deeplight.sphere import SPHERES
 
 __all__ = ["LocateSettings", "Located", "NotLocated", "TagRig", "locate"]
 
-LEAST_FRAMES = 8  # fewer do not tell what stays from what moves
+LEAST_FRAMES = 8  # fewer do not show what stays from what moves
 LEAST_TRAVEL = 0.02  # of the picture's shorter side, that the world must move by in the clip
 _LEAST_SCORE = 0.3  # of three circles together (`triples`)
 _LEAST_SUPPORT = 0.2  # share of the outline that the frames must show to be there
@@ -43,7 +43,7 @@ _LEAST_SEEN = 0.5  # share of the outline that must lie inside the picture
 _LEAST_CONFIDENCE = 0.9  # in the names
 _LARGEST_ERROR = 0.16  # of pixel values, with which the mirror explains the others
 _NAMING_FRAMES = 6
-_STIFFNESS = 0.08  # of the sizes that a tag tells; see `Size`
+_STIFFNESS = 0.08  # of the sizes that a tag gives; see `Size`
 _SAVED_SHIFT = 0.25  # how far, in radii, a saved rig's sphere may have moved
 
 _CUT_OFF = "a sphere less than half in the picture"
@@ -194,12 +194,12 @@ def _by_tag(clip: _Clip, rig: TagRig) -> Located:
     if corners is None:
         do = "show the tag to the camera, or leave out the rig file"
         raise clip.failed(f"no AprilTag 36h11 number {rig.tag_id} in the clip", do)
-    cones = cones_beside_tag(corners, rig, clip.camera)
+    cones = cones_next_to_tag(corners, rig, clip.camera)
     if cones is None:
         raise clip.failed("a tag that puts the spheres behind the camera", "correct the rig file")
     seen = {name: refine(cone, frames, clip.camera) for name, cone in cones.items()}
     sure = {name: o.cone for name, o in seen.items() if _near_outline(cones[name], o)}
-    cones = cones_beside_tag(corners, rig, clip.camera, sure) or cones
+    cones = cones_next_to_tag(corners, rig, clip.camera, sure) or cones
     named, warnings = {}, []
     for name, cone in cones.items():
         # Its size is known better from where the three are than from one outline.

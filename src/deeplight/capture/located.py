@@ -45,8 +45,8 @@ class LocateSettings:
     """How to look for the spheres.
 
     Attributes:
-        diameter_m: of the three spheres; tells their distance.
-        rig: a rig located before, which is verified, or where the spheres are beside a tag; None
+        diameter_m: of the three spheres; gives their distance.
+        rig: a rig located before, which is verified, or where the spheres are next to a tag; None
             finds them by what stays in the frame while the world moves.
         name: what the located rig is called.
     """

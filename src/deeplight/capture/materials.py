@@ -26,7 +26,7 @@ SIZE = 16  # pixels along crops and light: naming needs no more
 _FINE = 4  # samples along each of them
 _CLIPPED = 248  # grey levels from here on may stand for any brightness
 _WEIGHT = 10.0  # of the logarithm of the error: half the error makes a name 2^10 times as likely
-_ERROR_FLOOR = 0.003  # of pixel values: smaller errors tell nothing
+_ERROR_FLOOR = 0.003  # of pixel values: smaller errors say nothing
 _LEVELS = (0.75, 1.35)  # how far the mirror's reflectivity may be from the paper's
 _ROUNDS = 300  # of the search for the brightness of clipped light
 _SETTLED = 1e-4  # share by which it still changes when the search stops
@@ -72,7 +72,7 @@ class SphereLook:
 def name_spheres(
     cones: list[Cone], frames: list[UInt8[np.ndarray, "height width 3"]], camera: PinholeCamera
 ) -> Naming:
-    """Tell three spheres apart by their materials."""
+    """Distinguish three spheres by their materials."""
     looks = [look_at(cone, frames, camera) for cone in cones]
     bases = _bases(looks)
     ways = list(permutations(SPHERES))

@@ -1,7 +1,7 @@
 """What moves in a clip and what stays: the rig is still in the frame while the world goes by.
 
 One pass over the clip keeps a bounded sample of frames, spread evenly over it. Optical flow between
-neighbouring frames tells how fast the world moves; a gradient that is the same at the same
+neighbouring frames shows how fast the world moves; a gradient that is the same at the same
 pixel in frame after frame belongs to the rig.
 """
 
@@ -16,7 +16,7 @@ from deeplight.camera import PinholeCamera
 from deeplight.io.video import VideoFrame
 
 WORKING_SIDE = 320  # pixels, roughly, of the shorter side where flow and edges are looked at
-KEPT = 24  # frames kept of a clip: at least so many, if it has them, and at most twice
+KEPT = 24  # frames kept of a clip: at least this number, if it has them, and at most twice
 _PAIR_EVERY = 4  # kept frames from one pair for optical flow to the next
 _LARGE_FRAME = 2.1e6  # pixels (1080 x 1920) above which fewer frames are kept
 _SOFT_STEP = 2.0  # grey levels per working pixel below which a gradient is mostly noise

@@ -32,7 +32,7 @@ Profiles = Float[np.ndarray, "frames spokes samples"]
 
 _BLUR_PX = 0.5  # a drawn edge is so wide, and counts as inside
 _RINGED_BLUR_PX = 1.15  # by measuring: more of it does where a ring may end inside, too
-_RIM_PX = 2.5  # the narrowest rim that is told from the ring inside of it
+_RIM_PX = 2.5  # the narrowest rim that is distinct from the ring inside of it
 _RING_COST = 0.15  # of a third line: it must explain more than chance does
 
 
@@ -255,7 +255,7 @@ def split_cost(
     """How badly two straight lines, one each side of a place, explain the profiles; coarse.
 
     Each side has its own spread, so a smooth ball before a busy world and a busy ball before a
-    smooth world are told alike. Logarithms are averaged over the frames: a hand in some of
+    smooth world are treated alike. Logarithms are averaged over the frames: a hand in some of
     them does not outvote the rest. `ringed`: the inner side may be two lines, as suits.
     """
     count, least = len(offsets), max(4, len(offsets) // 8)

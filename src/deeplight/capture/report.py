@@ -1,4 +1,4 @@
-"""What is told of a clip: `reports/<stem>.json` for programs, `reports/<stem>.html` for people."""
+"""The report of a clip: `reports/<stem>.json` for programs, `reports/<stem>.html` for people."""
 
 import hashlib
 from pathlib import Path
@@ -23,7 +23,7 @@ _CROP_PX = 96  # of a crop, as shown
 
 
 def report_path(folder: Path, stem: str) -> Path:
-    """Where the report for programs lies; the one for people beside it."""
+    """Where the report for programs lies; the one for people next to it."""
     return folder / REPORTS / f"{stem}.json"
 
 

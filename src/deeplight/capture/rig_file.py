@@ -1,4 +1,4 @@
-"""Rig files: a rig located before, or where the spheres are beside a tag.
+"""Rig files: a rig located before, or where the spheres are next to a tag.
 
 A located rig is what `Rig.to_dict` gives. A tag rig:
 

@@ -90,7 +90,7 @@ def plan(clips: tuple[Clip, ...], out: Path, settings: CaptureSettings) -> Captu
         OSError: `out` cannot be written.
     """
     out = out.absolute()  # the same on every machine that shares it
-    known = _known(out, _settings_told(settings))
+    known = _known(out, _settings_record(settings))
     entries = _numbered(clips, known)
     places: dict[str, set[str]] = {}
     for entry in entries.values():
@@ -98,7 +98,7 @@ def plan(clips: tuple[Clip, ...], out: Path, settings: CaptureSettings) -> Captu
     check_places(places)
     _forget_changed(out, known, entries)
     jobs = sorted((_job(entry) for entry in entries.values()), key=lambda job: job.file)
-    recipe = {"made_by": MADE_BY, "settings": _settings_told(settings), "clips": entries}
+    recipe = {"made_by": MADE_BY, "settings": _settings_record(settings), "clips": entries}
     shards = ShardPlan.begin(out, jobs, {}, recipe, revised=True)
     for leftover in (out / REPORTS).glob(".*"):
         leftover.unlink()
@@ -169,15 +169,15 @@ def _numbered(
             number = last[clip.split]
         else:
             number = old["number"]
-        told = {"place": clip.place, "scene": clip.scene, "licence": clip.licence}
-        entries[clip.stem] = {"split": clip.split, "number": number, **told}
+        described = {"place": clip.place, "scene": clip.scene, "licence": clip.licence}
+        entries[clip.stem] = {"split": clip.split, "number": number, **described}
     return entries
 
 
 def _forget_changed(
     out: Path, known: Mapping[str, dict[str, Any]], entries: Mapping[str, dict[str, Any]]
 ) -> None:
-    """Remove the shard of a clip of which other things are told than before."""
+    """Remove the shard of a clip of which other things are known than before."""
     for stem, old in known.items():
         if entries[stem] != old:
             shard = out / _job(old).file
@@ -190,19 +190,19 @@ def _job(entry: Mapping[str, Any]) -> ShardJob:
     return ShardJob(entry["split"], entry["number"], 0, 0)  # how many is known only afterwards
 
 
-def _settings_told(settings: CaptureSettings) -> dict[str, Any]:
+def _settings_record(settings: CaptureSettings) -> dict[str, Any]:
     """All that decides the content, as plain JSON values."""
     rig = settings.locate.rig
-    told: dict[str, Any] | None = None
+    described: dict[str, Any] | None = None
     if isinstance(rig, Rig):
-        told = rig.to_dict()
+        described = rig.to_dict()
     elif isinstance(rig, TagRig):
         centres = {name: centre.tolist() for name, centre in rig.centres_m.items()}
-        told = {**asdict(rig), "centres_m": centres}
+        described = {**asdict(rig), "centres_m": centres}
     return {
         "vertical_fov_rad": settings.vertical_fov_rad,
         "diameter_m": settings.locate.diameter_m,
-        "rig": told,
+        "rig": described,
         "choice": asdict(settings.choice),
     }
 

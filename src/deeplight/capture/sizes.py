@@ -17,7 +17,7 @@ from deeplight.capture.refine import SURE, SphereOutline, refine_by_sides, refin
 
 _STIFFNESS = 0.01  # see `refine_by_sides`
 _RING = 0.02  # of the radius: outlines farther apart are not one
-_RIM = 0.8  # how clear a rim must be beside the ring inside of it
+_RIM = 0.8  # how clear a rim must be next to the ring inside of it
 _NEAR = 0.3  # of its radius, within which the mirror may be where an even bar has it
 _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
 

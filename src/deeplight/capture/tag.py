@@ -32,7 +32,7 @@ def tag_corners(
     return np.median(seen, axis=0).astype(float) if seen else None
 
 
-def cones_beside_tag(
+def cones_next_to_tag(
     corners: Float[np.ndarray, "4 2"],
     rig: TagRig,
     camera: PinholeCamera,
@@ -40,7 +40,7 @@ def cones_beside_tag(
 ) -> dict[str, Cone] | None:
     """Where the rig's spheres are seen, from its tag's corners; None if no pose fits.
 
-    A small tag alone tells its tilt badly. Spheres already `found` by their outlines tell it
+    A small tag alone gives its tilt badly. Spheres already `found` by their outlines give it
     well, as they are far apart; their sizes are not looked at.
     """
     half = rig.tag_size_m / 2

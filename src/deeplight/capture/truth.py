@@ -1,4 +1,4 @@
-"""What `python -m lab.film` left beside a clip; used for what the filmer would know.
+"""What `python -m lab.film` left next to a clip; used for what the filmer would know.
 
 Never for geometry: a simulated clip is captured exactly like a real one.
 """

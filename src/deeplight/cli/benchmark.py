@@ -1,4 +1,4 @@
-"""Time models on this machine, by runtime and threads, beside its matrix-product peak.
+"""Time models on this machine, by runtime and threads, next to its matrix-product peak.
 
 deeplight benchmark
 

@@ -41,7 +41,7 @@ class Args:
     scene: Literal["indoor", "outdoor"] = "indoor"
     """Of clips of which nothing else is known."""
     rig: Path | None = None
-    """A rig file: the spheres' places from an earlier run, or beside an AprilTag."""
+    """A rig file: the spheres' places from an earlier run, or next to an AprilTag."""
     save_rig: Path | None = None
     """Write the surest rig found to this file."""
     bases: Path | None = None

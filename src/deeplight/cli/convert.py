@@ -32,7 +32,7 @@ class Args:
     """.exr .hdr .jpg .json .webxr.json .ktx2 .gltf .glb .py (Blender) .js (three.js) .usda
     .usdc."""
     format: Format | None = None
-    """What to write, if the name's ending does not tell."""
+    """What to write, if the name's ending does not say."""
     mapping: Mapping = "latlong"
     """Mapping of a picture that is written; cube gives six files."""
     size: int | None = None
@@ -40,7 +40,7 @@ class Args:
     made_for: Annotated[Tool | None, tyro.conf.arg(name="for")] = None
     """Turn a latlong or a cube for this tool."""
     in_mapping: Mapping | None = None
-    """Mapping of IN. Default: its shape tells; a square must be told."""
+    """Mapping of IN. Default: by its shape; for a square it must be given."""
     made_from: Annotated[Tool | None, tyro.conf.arg(name="from")] = None
     """IN is turned as this tool has it."""
     lamps_apart: bool = False
@@ -62,5 +62,5 @@ def run(args: Args) -> None:
     wish.must_not_replace(args.inputs)
     test = labelled_environment() if args.test_panorama else None
     light = test or read_environment(args.inputs, args.in_mapping, args.made_from)
-    told = Console(highlight=False, soft_wrap=True, markup=False)
-    told.print(*write_environment(light.edited(args.edit), wish), sep="\n")
+    console = Console(highlight=False, soft_wrap=True, markup=False)
+    console.print(*write_environment(light.edited(args.edit), wish), sep="\n")

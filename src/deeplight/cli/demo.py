@@ -5,7 +5,7 @@ deeplight demo
 deeplight demo --export public    (a folder for any web host)
 
 Nothing that the camera sees leaves the browser. Browsers give the camera only to https pages and to
-localhost: docs/serve.md tells how to open the page on a phone.
+localhost: docs/serve.md says how to open the page on a phone.
 """
 
 import sys

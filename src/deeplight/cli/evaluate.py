@@ -1,4 +1,4 @@
-"""Measure models and other methods on a data set, beside trivial baselines, in one run.
+"""Measure models and other methods on a data set, next to trivial baselines, in one run.
 
 deeplight evaluate --data data/sim --split val --out results
 
@@ -35,7 +35,7 @@ class Args:
     leaderboard: Path | None = None
     """File to append the models' results to; those in it already are verified."""
     examples: int | None = None
-    """Measure only so many examples of each split, evenly spread."""
+    """Measure only this number of examples of each split, evenly spread."""
     three_spheres: bool = False
     """Compute the protocol of StyleLight and DiffusionLight too, under its own name."""
     with_photo: bool = True
@@ -64,7 +64,7 @@ def run(args: Args) -> None:
         args.with_photo,
         args.truth,
     )
-    with results_folder(args.out) if args.out else nullcontext():  # told before any work
+    with results_folder(args.out) if args.out else nullcontext():  # refused before any work
         check_can_write(args.out)
         found = measured(wanted)
         rich.print(*(table for result in found.results for table in all_tables(result)))

@@ -6,7 +6,7 @@ deeplight probe IMG_1*.jpg --like photo.jpg --card 400 1200 80 80 --out truth.ex
 
 deeplight probe pano_*.jpg --shows panorama --times 0.001 0.004 0.016 --out truth.exr
 
-Photos of one view from a tripod, each two or three stops longer than the last; EXIF tells how
+Photos of one view from a tripod, each two or three stops longer than the last; EXIF says how
 long. Writes any format of `deeplight convert`; with --check also the merged picture and where the
 ball was found.
 """

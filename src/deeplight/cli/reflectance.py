@@ -3,7 +3,7 @@
 deeplight reflectance stage --out basis.npz
 
 The folder holds a sub-folder of photographs for each sphere (mirror, matte_silver, diffuse), with
-dark.png, and lights.json or lights.csv and camera.json: see docs/reflectance.md. Beside the basis
+dark.png, and lights.json or lights.csv and camera.json: see docs/reflectance.md. Next to the basis
 come <stem>.certificate.json and <stem>.picture.png. `python -m lab.light_stage` makes such
 a folder.
 """

@@ -39,19 +39,19 @@ def stopping() -> Iterator[None]:
         yield
         return
     ours = [number for number in _ENDING if signal.getsignal(number) is signal.SIG_DFL]
-    heard, told = socket.socketpair()
-    told.setblocking(False)
-    earlier = signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
+    receiver, sender = socket.socketpair()
+    sender.setblocking(False)
+    earlier = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
     for number in ours:
         signal.signal(number, _stop)
     done = threading.Event()
-    threading.Thread(target=_last_resort, args=(heard, done), daemon=True).start()
+    threading.Thread(target=_last_resort, args=(receiver, done), daemon=True).start()
     try:
         yield
     finally:
         done.set()
         signal.set_wakeup_fd(earlier)
-        told.close()
+        sender.close()
         for number in ours:
             signal.signal(number, signal.SIG_DFL)
 
@@ -60,13 +60,13 @@ def _stop(number: int, _frame: FrameType | None) -> NoReturn:
     raise Stopped(number)
 
 
-def _last_resort(heard: socket.socket, done: threading.Event) -> None:
+def _last_resort(receiver: socket.socket, done: threading.Event) -> None:
     """Wait for a signal's number, then for the process to end of itself, then end it."""
     ends = {*_ENDING, signal.SIGINT}
     number = 0
-    with heard:
+    with receiver:
         while number not in ends or signal.getsignal(number) is signal.SIG_IGN:
-            got = heard.recv(1)
+            got = receiver.recv(1)
             if not got:
                 return  # the block has ended
             number = got[0]

@@ -103,7 +103,7 @@ def compose(
         items: at least one.
         settings: how.
         kept_rows: lower end of what the network saw; the default place lies above it.
-        progress: told (rays done, rays in all).
+        progress: called with (rays done, rays in all).
 
     Raises:
         InputError: an item, a mesh or a place that cannot be used.
@@ -114,8 +114,8 @@ def compose(
         got = f"{len(items)} objects, a camera of {viewpoint.camera.width} pixels across"
         raise ConfigError(f"an object and a camera of {width} x {height}", got, "correct them")
     solids, notes = placed(viewpoint, items, kept_rows)
-    scene, told = scene_of(photo, light, viewpoint, solids, settings)
-    notes += told
+    scene, more_notes = scene_of(photo, light, viewpoint, solids, settings)
+    notes += more_notes
     picture = rendered(photo, scene, matched(photo, settings), settings, progress)
     return Composed(picture, scene, tuple(notes))
 
@@ -123,7 +123,7 @@ def compose(
 def placed(
     viewpoint: Viewpoint, items: Sequence[Item], kept_rows: float | None = None
 ) -> tuple[list[Solid], list[str]]:
-    """Load the objects and stand them on the plane; also tell size and distance of each.
+    """Load the objects and stand them on the plane; also give the size and distance of each.
 
     Raises:
         InputError: an item, a mesh or a place that cannot be used.
@@ -142,8 +142,8 @@ def placed(
         notes.append(f"{item.object}: {size:.3g} m at ({x:.0f}, {y:.0f}), {away:.3g} m away")
         if any(mesh.finish.lost for mesh in meshes):
             notes.append(f"{item.object}: a texture or material could not be read, left out")
-        told = sorted({note for mesh in meshes for note in mesh.finish.notes})
-        notes += [f"{item.object}: {note}" for note in told]
+        more_notes = sorted({note for mesh in meshes for note in mesh.finish.notes})
+        notes += [f"{item.object}: {note}" for note in more_notes]
     return solids, notes
 
 
@@ -154,7 +154,7 @@ def scene_of(
     solids: Sequence[Solid],
     settings: ComposeSettings,
 ) -> tuple[Scene, list[str]]:
-    """The objects on the photo's own surface; also tell where its albedo had to be limited."""
+    """The objects on the photo's own surface, and notes where its albedo had to be limited."""
     surface = surface_of(photo, light, viewpoint, solids)
     notes = []
     if not np.allclose(surface.albedo, surface.measured, rtol=0.02):

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 ENOUGH_SAMPLES = 64
-"""With more than so many rays a pixel's own do."""
+"""With more rays than this a pixel's own do."""
 
 _SPARK = 1.25  # times the second brightest neighbour
 _REACH = 2
@@ -18,7 +18,7 @@ _ALIKE = 0.004  # squared difference of normals and albedos at which a neighbour
 def smooth_sums(
     sums: Float[np.ndarray, "height width n"], rounds: int
 ) -> Float[np.ndarray, "height width n"]:
-    """Weights 1 2 1 along both axes, so many times.
+    """Weights 1 2 1 along both axes, this number of times.
 
     For sums over rays, not for their quotients: pixels without rays then count for nothing.
     """

@@ -168,7 +168,7 @@ class GltfFile:
             return neighbour(self.path, unquote(uri), MAX_BYTES)
         except FileNotFoundError:
             if urlsplit(uri).scheme in ("http", "https", "file"):
-                raise self.fault(f"a part at {uri[:40]}, not beside it") from None
+                raise self.fault(f"a part at {uri[:40]}, not next to it") from None
             return neighbour(self.path, uri, MAX_BYTES)  # some writers do not encode
 
 

@@ -54,7 +54,7 @@ def read(file: GltfFile, max_triangles: int) -> list[Part]:
     Raises:
         ImageFileError: it breaks the specification, is too large, or needs what we cannot do.
         MissingExtraError: it is compressed by Draco and the decoder is not installed.
-        OSError: a buffer beside it cannot be read.
+        OSError: a buffer next to it cannot be read.
     """
     for name in file.json.get("extensionsRequired", []):
         if name not in APPLIED and not str(name).startswith(HARMLESS):
@@ -174,8 +174,8 @@ def _part(
         vertices, normals = _skinned(vertices, normals, arrays, joints(node["skin"]), file)
     of = looks(primitive.get("material"))
     uv, notes = _coordinates(arrays, of)
-    colours, told = _colours(arrays.get("COLOR_0"), of)
-    return Part(vertices, faces, _unit(normals), uv, colours, of, of.notes + notes + told)
+    colours, colour_notes = _colours(arrays.get("COLOR_0"), of)
+    return Part(vertices, faces, _unit(normals), uv, colours, of, of.notes + notes + colour_notes)
 
 
 def _arrays(

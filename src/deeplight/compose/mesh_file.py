@@ -64,13 +64,13 @@ def _of_text(path: Path) -> list[Mesh]:
     """Read an .obj or .ply file with trimesh."""
     import trimesh
 
-    beside = _Beside(path)
+    neighbours = _Neighbours(path)
     with _losses() as lost:
         suffix = path.suffix.lower().removeprefix(".")
         content = io.BytesIO(_whole(path, suffix))
-        scene = trimesh.load_scene(content, file_type=suffix, resolver=beside, process=False)
-        if beside.fault is not None:
-            raise beside.fault
+        scene = trimesh.load_scene(content, file_type=suffix, resolver=neighbours, process=False)
+        if neighbours.fault is not None:
+            raise neighbours.fault
         pieces = [
             piece for piece in scene.dump(concatenate=False) if isinstance(piece, trimesh.Trimesh)
         ]
@@ -101,8 +101,8 @@ def _unicode(text: bytes) -> bytes:
         return text.decode("latin-1").encode()
 
 
-class _Beside(Mapping[str, bytes]):
-    """Gives trimesh the material files and textures beside a mesh, and nothing from elsewhere.
+class _Neighbours(Mapping[str, bytes]):
+    """Gives trimesh the material files and textures next to a mesh, and nothing from elsewhere.
 
     trimesh goes on without what it cannot get, so a fault worth refusing is kept here.
     """
@@ -134,16 +134,16 @@ class _Beside(Mapping[str, bytes]):
 def _losses() -> Iterator[list[str]]:
     """Collect what trimesh says of textures and materials that it leaves out.
 
-    It goes on without them and tells only its log.
+    It goes on without them and writes of it only to its log.
     """
     lost: list[str] = []
     handler, log = logging.Handler(), logging.getLogger("trimesh")
     level, spread = log.level, log.propagate
 
     def keep(record: logging.LogRecord) -> None:
-        told = record.getMessage()
-        if "image" in told or "material" in told:
-            lost.append(told)
+        message = record.getMessage()
+        if "image" in message or "material" in message:
+            lost.append(message)
 
     handler.emit = keep  # type: ignore[method-assign]
     log.addHandler(handler)

@@ -112,7 +112,7 @@ def trace(
         light_from_below: light the objects with the estimate's lower directions instead of the
             plane; the plane still catches their shadow.
         seed: of the random numbers.
-        progress: told (rays done, rays in all).
+        progress: called with (rays done, rays in all).
     """
     near = bounds_of_solids(scene) if scene.solids else (0, 0, 0, 0)
     if min(near[2] - near[0], near[3] - near[1]) < 1:  # nothing, or outside the photo
@@ -229,7 +229,7 @@ class _Tracer:
 
 
 def _after(done: Callable[[int], None], before: int, rays: int) -> None:
-    """Tell of rays traced after others."""
+    """Report rays traced after others."""
     done(before + rays)
 
 
@@ -274,7 +274,7 @@ def _quotient(above: np.ndarray, below: np.ndarray) -> np.ndarray:
 
 
 def _by_pixel(fine: np.ndarray, parts: int) -> np.ndarray:
-    """Mean over the parts of each pixel, so many along each side."""
+    """Mean over the parts of each pixel, this number along each side."""
     height, width = fine.shape[0] // parts, fine.shape[1] // parts
     split = fine.reshape(height, parts, width, parts, *fine.shape[2:])
     result: np.ndarray = split.mean(axis=(1, 3))

@@ -17,7 +17,7 @@ class Chosen:
     """
 
     def __init__(self, indices: Sequence[SplitIndex], places: int = 0, seed: int = 0) -> None:
-        """Take all examples, or those of so many places, which `seed` draws.
+        """Take all examples, or those of a number of places, which `seed` draws.
 
         The places of a smaller number are among those of a larger one, so that a learning curve
         adds places to those that were there.

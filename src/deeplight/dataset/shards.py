@@ -1,4 +1,4 @@
-"""One shard: a WebDataset tar with an index beside it, the same bytes for the same examples.
+"""One shard: a WebDataset tar with an index next to it, the same bytes for the same examples.
 
 A shard is the unit of work. Its tar is renamed into place when it is whole, its index after that,
 so an index means a finished shard; a killed run loses the shard it was writing and nothing else.
@@ -108,7 +108,7 @@ def index_path(shard: Path) -> Path:
 def write_shard(
     path: Path, split: str, items: Iterable[Item], jpeg_quality: int = JPEG_QUALITY
 ) -> ShardIndex:
-    """Write a tar of `items` to `path` and its index beside it, both whole or not at all.
+    """Write a tar of `items` to `path` and its index next to it, both whole or not at all.
 
     Args:
         items: examples, sources that had to be left out, and rigs that only the work itself
@@ -156,7 +156,7 @@ def extents_in(path: Path, keys: tuple[str, ...]) -> Int64[np.ndarray, "examples
 
 
 class _Tally:
-    """What an index tells, gathered while the examples go by."""
+    """What an index says, gathered while the examples go by."""
 
     def __init__(self, split: str) -> None:
         self.split = split

@@ -42,7 +42,7 @@ class DemoServer(ThreadingHTTPServer):
     Args:
         site: the files.
         host: address to listen at.
-        port: 0 takes any free one; `port` tells which.
+        port: 0 takes any free one; `port` says which.
         names: further host names that it may be asked by, such as a tunnel's.
 
     Raises:

@@ -28,7 +28,7 @@ class BatchSettings:
         made_for: the tool the environments are for.
         hdr: also write Radiance RGBE.
         seen_channel: also write what the photo shows as a channel of the .exr.
-        sun: where the sun stands; None places it by EXIF data where these tell.
+        sun: where the sun stands; None places it by EXIF data where it has both.
 
     Raises:
         ConfigError: a value that cannot be, or options that exclude each other.
@@ -139,8 +139,8 @@ def _estimated(
             files = _written(estimate, scene, estimator, out, stem, settings, sun)
         except OSError as error:
             raise _CannotWriteError(error) from error
-        told = (*estimate.notes, *notes)
-        done = SourceDone(source, done.count + 1, done.first or files, files, told)
+        all_notes = (*estimate.notes, *notes)
+        done = SourceDone(source, done.count + 1, done.first or files, files, all_notes)
     return done
 
 

@@ -252,8 +252,8 @@ def _raised(
     for shift in (1, 2, 4):
         step = max(1, round(shift * height / 256))
         for axis in (0, 1):
-            beside = np.roll(near, step, axis) + np.roll(near, -step, axis)
-            near = (beside * np.float32(0.25) + near * np.float32(0.5)).astype(np.float32)
+            neighbours = np.roll(near, step, axis) + np.roll(near, -step, axis)
+            near = (neighbours * np.float32(0.25) + near * np.float32(0.5)).astype(np.float32)
     low, high = _BRIGHT
     bright = smoothstep((photo.radiance.max(-1) - low) / (high - low))
     weight = near * bright * photo.seen

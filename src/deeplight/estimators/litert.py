@@ -52,7 +52,7 @@ class LiteRTEstimator(NetworkEstimator):
         content = content_of(self.path)
         self.contract = ModelContract.from_json(contract_text(content, self.path))
         try:
-            with quiet():  # it tells how it runs; stderr is for our one line
+            with quiet():  # it prints how it runs; stderr is for our one line
                 self._interpreter = Interpreter(
                     model_content=content,
                     num_threads=threads or min(MAX_THREADS, cores()),

@@ -70,7 +70,7 @@ class NetworkEstimator(ABC):
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the model file, written beside every result."""
+        """Hash of the model file, written next to every result."""
         return hashlib.sha256(self.path.read_bytes()).hexdigest()
 
     def estimate(self, photo: PhotoLike, fov_deg: float | None = None) -> Lighting:
@@ -78,7 +78,7 @@ class NetworkEstimator(ABC):
         return self.explain(photo, fov_deg).lighting
 
     def explain(self, photo: PhotoLike, fov_deg: float | None = None) -> Estimate:
-        """Estimate the light of one photo and tell how: framing, notes, times.
+        """Estimate the light of one photo and say how: framing, notes, times.
 
         Raises:
             InputError: the photo or the field of view cannot be used.

@@ -85,8 +85,8 @@ def write_results(
         except OSError as error:
             if shutil.disk_usage(temporary).free > FULL_DISK_BYTES:
                 raise
-            told = os.strerror(errno.ENOSPC)  # image writers only say that they failed
-            raise OSError(errno.ENOSPC, told, str(folder / stem)) from error
+            reason = os.strerror(errno.ENOSPC)  # image writers only say that they failed
+            raise OSError(errno.ENOSPC, reason, str(folder / stem)) from error
 
 
 def _written(
@@ -136,7 +136,7 @@ def _moved(files: list[Path], folder: Path) -> list[Path]:
 
 
 def _facts(estimate: Estimate, estimator: NetworkEstimator) -> dict[str, Any]:
-    """Give the JSON entries that tell where the light comes from."""
+    """Give the JSON entries that say where the light comes from."""
     framing = estimate.framing
     source = estimate.photo.source
     return {

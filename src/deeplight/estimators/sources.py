@@ -44,7 +44,7 @@ def find_sources(
     """Find the photos and videos that `paths` name, and why the other paths name none.
 
     No two sources get the same name, and no result gets the name of a source: photos of equal name
-    from two folders are told apart by their folder, and else by their suffix or a number.
+    from two folders are distinguished by their folder, and else by their suffix or a number.
     """
     files: list[Path] = []
     failures: list[InputError | OSError] = []

@@ -29,7 +29,7 @@ from deeplight.mappings import mirror_ball
 COMPASS_DEG = 10.0
 """How far a phone's compass may be off."""
 UNKNOWN_TILT_DEG = 20.0
-"""How far a photo's pitch may be from level when nothing tells it."""
+"""How far a photo's pitch may be from level when nothing gives it."""
 DAYLIGHT_EXPOSURE = 10.5
 """Exposure value at ISO 100 from which on a photo was taken outdoors by day."""
 DAYLIGHT_RATIO = 3.7
@@ -254,7 +254,7 @@ def sun_of(taken: Whereabouts, tilt: Tilt | None) -> Sun | None:
 def is_daylight(lighting: Lighting, path: Path | str | None, tilt: Tilt | None = None) -> bool:
     """Whether a photo was taken outdoors by day.
 
-    Its exposure tells, where EXIF has it. Else the estimate must have much more light from above
+    Its exposure says, where EXIF has it. Else the estimate must have much more light from above
     than from below, which holds for four of five outdoor scenes and for half of the rooms too.
     """
     taken = whereabouts_of(path)

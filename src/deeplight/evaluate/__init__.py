@@ -1,1 +1,1 @@
-"""How good an estimator is: metrics, trivial baselines beside it, tables and figures."""
+"""How good an estimator is: metrics, trivial baselines next to it, tables and figures."""

@@ -1,9 +1,9 @@
 """The public benchmark: fixed recipes of simulated cases that anyone makes again bit for bit.
 
 A recipe, the panoramas it films and the checksum of every shard are published in
-`benchmark_<name>.json` beside this file. Whoever has the same panoramas makes the same shards, in
+`benchmark_<name>.json` next to this file. Whoever has the same panoramas makes the same shards, in
 a process where numpy and OpenBLAS are held to the instructions of `PINNED`: sums come out
-otherwise in the last bit with others. docs/evaluate.md tells what else matters.
+otherwise in the last bit with others. docs/evaluate.md says what else matters.
 """
 
 import hashlib
@@ -96,7 +96,7 @@ def benchmark_data(name: str, hdri: Path | None, folder: Path, workers: int = 0)
     differ = differing_shards(data.manifest, published)
     if differ:
         got = f"{len(differ)} of {len(published.shards)} with other bytes, the first {differ[0]}"
-        do = "docs/evaluate.md tells what can change them"
+        do = "docs/evaluate.md says what can change them"
         raise DataSetError(f"the shards of benchmark {name} as published", got, do)
     return data
 

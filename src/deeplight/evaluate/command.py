@@ -22,7 +22,7 @@ class Wanted:
         data: the data set, from `opened`.
         splits: of it, or groups of its splits.
         models, panoramas: as `named_models` and `panorama_estimates` take them.
-        at_most: only so many examples of each split.
+        at_most: only this number of examples of each split.
         protocols: other papers' metrics too.
         truth: folder of the examples' measured light, as a method's panoramas.
         with_photo: also the first model's environment, with the photo and lamps in it.
@@ -105,8 +105,8 @@ def evaluation(
     """Measure everything that is wanted.
 
     Args:
-        stage: told what is done next, and how many examples it takes if that is known.
-        progress: told how many examples were finished since the last call.
+        stage: called with what is done next, and how many examples it takes if that is known.
+        progress: called with the number of examples finished since the last call.
 
     Raises:
         InputError: as `measured`, `named_models` and `panorama_estimates` do, before any work.
@@ -119,12 +119,12 @@ def evaluation(
     results = []
     for split, size in sizes.items():
         stage("baselines from the training split", None)
-        beside: list[Baseline] = baselines_for(wanted.data, split)
+        baselines: list[Baseline] = baselines_for(wanted.data, split)
         stage(f"measuring {split}", min(wanted.at_most or size, size))
         results.append(
             measured(
                 [*models, *with_photo, *others],
-                beside,
+                baselines,
                 wanted.data,
                 split,
                 wanted.at_most,

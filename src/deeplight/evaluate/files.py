@@ -24,7 +24,7 @@ VERSION = 2  # of results.json: 1 had one split and no medians
 
 
 def check_can_write(folder: Path | None) -> None:
-    """Tell a missing template engine before hours of work, if files are wanted at all.
+    """Refuse a missing template engine before hours of work, if files are wanted at all.
 
     Raises:
         MissingExtraError: it is not installed.
@@ -102,7 +102,7 @@ def _facts(
 
 def _sections(facts: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """One section of run.toml for each model."""
-    return {f'model."{name}"': told for name, told in facts["models"].items()}
+    return {f'model."{name}"': about for name, about in facts["models"].items()}
 
 
 def _protocols(result: SplitResult) -> dict[str, list[dict[str, Any]]]:

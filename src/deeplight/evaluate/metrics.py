@@ -85,11 +85,11 @@ def relative_radiance_error(
 def mirror_detail(
     predicted: Images, filmed: Images, mask: Mask
 ) -> Float64[np.ndarray, " examples"]:
-    """How sharp the rendered mirror sphere is beside the filmed one: 1 is as sharp, 0 is flat.
+    """How sharp the rendered mirror sphere is next to the filmed one: 1 is as sharp, 0 is flat.
 
     The measure of frequency is the mean absolute difference of neighbouring pixel values, both
     within the mask; the quotient of the two pictures' is given. Where the difference lies does not
-    matter, so this says nothing about being right: read it beside the mirror's L1.
+    matter, so this says nothing about being right: read it next to the mirror's L1.
 
     Returns:
         NaN where the filmed sphere is flat or the prediction is not finite.

@@ -114,7 +114,7 @@ def _runs(folder: Path, name: str) -> list[tuple[str, Path]]:
     for file in files:
         if not (file.parent / RECORD).is_file():
             got = f"{file} without it"
-            raise ModelError(f"{RECORD} beside every model of a run", got, "give NAME=FILE instead")
+            raise ModelError(f"{RECORD} next to each model of a run", got, "give NAME=FILE instead")
         alone = len(list(file.parent.glob("*.onnx"))) == 1
         own = file.parent.name if alone else f"{file.parent.name}-{file.stem}"
         found.append((name if name and len(files) == 1 else own, file))

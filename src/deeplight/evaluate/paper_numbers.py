@@ -1,10 +1,10 @@
-"""The paper's own figures, to stand beside ours: on its own data, so to be read for scale only."""
+"""The paper's own figures, to stand next to ours: on its own data, so to be read for scale only."""
 
 from typing import NamedTuple
 
 CAVEAT = (
     "The paper's figures are of its own 1,080p captures in other places with another camera; ours"
-    " are of simulated ones. They tell the scale, and which order to expect of the ablations."
+    " are of simulated ones. They give the scale, and which order to expect of the ablations."
 )
 
 

@@ -15,7 +15,7 @@ from deeplight.evaluate.result import SplitResult
 from deeplight.evaluate.scores import TRUE_LIGHTING
 from deeplight.report.page import Block, Figure, Heading, Page, PageRow, Paragraph, Table
 
-MOST_COLUMNS = 10  # of spheres that fit beside each other
+MOST_COLUMNS = 10  # of spheres that fit next to each other
 SCENES = ("indoor", "outdoor")
 
 
@@ -48,7 +48,7 @@ def drawn(result: SplitResult, data: DataSet) -> Pictures:
     everyone = [name for name in report.scores if name != TRUE_LIGHTING]
     few = [*result.methods[:3], *(n for n in ("training_mean",) if n in report.scores)]
     worst = [
-        (_told(result, position), picture)
+        (_caption(result, position), picture)
         for position, picture in worst_figures(report, data, few, first)
     ]
     return Pictures(
@@ -77,7 +77,7 @@ def report_page(
     """Compose the page.
 
     Args:
-        facts: what is told of models and data.
+        facts: what is reported of models and data.
     """
     page = Page("DeepLight: evaluation", _summary(results))
     page.add(Paragraph(tables.HOW_TO_READ, "note"))
@@ -92,7 +92,7 @@ def _summary(results: Sequence[SplitResult]) -> str:
         f"{r.report.split}: {len(r.report.keys)} examples in {len(set(r.report.places))} places"
         for r in results
     ]
-    return f"{', '.join(results[0].methods)} beside trivial baselines. " + "; ".join(parts) + "."
+    return f"{', '.join(results[0].methods)} next to trivial baselines. " + "; ".join(parts) + "."
 
 
 def _split(result: SplitResult, shown: Pictures) -> Iterator[Block]:
@@ -118,7 +118,7 @@ def _split(result: SplitResult, shown: Pictures) -> Iterator[Block]:
     yield Figure(shown.comparison, "Diffuse, matte silver and mirror from top to bottom.")
     yield Heading(f"{split}: the worst places")
     yield PageRow(
-        [Figure(picture, told) for told, picture in shown.worst],
+        [Figure(picture, caption) for caption, picture in shown.worst],
         "The worst photo of each of the worst places, with its L1 of diffuse / silver / mirror.",
     )
     if result.protocols:
@@ -137,7 +137,7 @@ def _temporal(result: SplitResult, shown: Pictures) -> Iterator[Block]:
         yield Figure(shown.temporal, "Neighbouring frames of one take and their spheres, in order.")
 
 
-def _told(result: SplitResult, position: int) -> str:
+def _caption(result: SplitResult, position: int) -> str:
     report = result.report
     scores = report.scores[result.methods[0]]
     l1 = " / ".join(f"{scores.l1[s][position]:.2f}" for s in ("diffuse", "matte_silver", "mirror"))

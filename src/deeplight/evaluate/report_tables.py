@@ -123,8 +123,8 @@ def protocol_tables(result: SplitResult) -> Iterator[Block]:
 def made_of(facts: Mapping[str, Any]) -> Iterator[Block]:
     """The models and the data, by their hashes."""
     rows = [
-        [name, told["file"], told["trained_on"] or "not told", told["sha256"][:16]]
-        for name, told in facts["models"].items()
+        [name, about["file"], about["trained_on"] or "not stated", about["sha256"][:16]]
+        for name, about in facts["models"].items()
     ]
     if rows:
         yield Table(["model", "file", "trained on", "sha256"], rows)
@@ -132,7 +132,7 @@ def made_of(facts: Mapping[str, Any]) -> Iterator[Block]:
         f"Data set manifest {facts['data_manifest_sha256'][:16]}; "
         f"reflectance bases {facts['reflectance_bases'][:16]}; "
         f"{facts['bootstrap_resamples']} resamples of places, seed {facts['bootstrap_seed']}. "
-        "run.toml beside this file has versions and settings."
+        "run.toml next to this file has versions and settings."
     )
 
 

@@ -16,7 +16,7 @@ class SplitResult:
     """One split: the report and what follows from it.
 
     Attributes:
-        methods: the estimators that are measured, as against the baselines beside them; the first
+        methods: the estimators that are measured, as against the baselines next to them; the first
             ranks the examples of figures.
         protocols: by form, estimator and metric; empty unless asked for.
     """
@@ -50,7 +50,7 @@ def measured(
     progress: Callable[[int], None] = lambda examples: None,
     truth: KeyedEstimator | None = None,
 ) -> SplitResult:
-    """Measure methods and the baselines beside them on a split; raises what `evaluate` does.
+    """Measure methods and the baselines next to them on a split; raises what `evaluate` does.
 
     Args:
         protocols: compute other papers' metrics too, which takes as long again.

@@ -74,7 +74,7 @@ def evaluate(
     the true light itself are among the scores.
 
     Args:
-        at_most: measure only so many, evenly spread over the split.
+        at_most: measure only this number, evenly spread over the split.
         progress: called with the number of examples finished since the last call.
         truth: the measured true light of examples, instead of what they carry; those that it
             does not cover are left out.
@@ -260,9 +260,9 @@ def _estimates(
 
 
 def _pose(example: Example) -> Float64[np.ndarray, "3 3"]:
-    """world_from_camera as the example tells it, else NaN."""
-    told = np.array(example.meta.details.get("world_from_camera", np.nan), np.float64)
-    return told if told.shape == (3, 3) else np.full((3, 3), np.nan)
+    """world_from_camera as the example gives it, else NaN."""
+    given = np.array(example.meta.details.get("world_from_camera", np.nan), np.float64)
+    return given if given.shape == (3, 3) else np.full((3, 3), np.nan)
 
 
 def _true_radiance(

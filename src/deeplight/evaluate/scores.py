@@ -77,9 +77,9 @@ class Report:
             there `relative_radiance` is too large.
         scores: by estimator, in the order they were given.
         true_radiance: luminance of the true light, averaged over all directions; NaN where the
-            example does not tell it.
+            example does not give it.
         takes, frames: which clip each example is from, and where in it.
-        world_from_camera: how the camera was held; NaN where the example does not tell it.
+        world_from_camera: how the camera was held; NaN where the example does not give it.
         log_radiance: what each estimator answered, by its name; sizes differ between estimators.
             May lie on disk.
     """

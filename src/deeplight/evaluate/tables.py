@@ -45,7 +45,7 @@ def terminal_tables(result: SplitResult) -> list[Table]:
 
 
 def light_table(result: SplitResult) -> Table:
-    """Give what only the true light tells: medians over the split, with their intervals."""
+    """Give what only the true light shows: medians over the split, with their intervals."""
     title = f"{result.report.split}: against the true light"
     table = _table(title, "medians, below them the 95 % interval over places")
     for text in LIGHT_COLUMNS.values():

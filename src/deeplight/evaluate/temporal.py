@@ -3,7 +3,7 @@
 The estimate of a frame is turned by the camera's known rotation into the next frame's view and
 compared there with the next estimate. The change is the mean over all directions and channels of
 |log2 L' - log2 L|, in stops. The true light changes too, by the camera's exposure and white balance
-and by the turning of coarse pixels: its change, measured in the same way, stands beside it.
+and by the turning of coarse pixels: its change, measured in the same way, stands next to it.
 """
 
 from collections.abc import Mapping

@@ -46,8 +46,8 @@ class FileSpec:
 
     Attributes:
         path: of the file; a cube's six get `_px` and so on before the suffix, a script an
-            `.exr` of its name and tool beside it, a `.json` an `.exr` of its name.
-        format: one of `FORMATS`; left out, the suffix tells.
+            `.exr` of its name and tool next to it, a `.json` an `.exr` of its name.
+        format: one of `FORMATS`; left out, that of the suffix.
         mapping: of a picture, any `probe.Mapping`.
         made_for: the tool to turn it for.
         size: rows of a latlong, side of a disc or a face; left out, as fine as what came in.
@@ -84,7 +84,7 @@ class FileSpec:
         """The format, by name.
 
         Raises:
-            ConfigError: no format, and a suffix that tells none.
+            ConfigError: no format, and a suffix that names none.
         """
         if self.format is not None:
             return self.format
@@ -225,7 +225,7 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, FileSpec], list[P
     def write(environment: Environment, wish: FileSpec) -> list[Path]:
         if wish.made_for not in (None, tool):
             raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
-        beside = replace(wish, path=wish.files[1], format="exr", made_for=tool)
+        exr = replace(wish, path=wish.files[1], format="exr", made_for=tool)
         text = files("deeplight.formats").joinpath("snippets", snippet).read_text(encoding="utf-8")
         lights = [
             {
@@ -237,14 +237,14 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, FileSpec], list[P
         ]
         for mark, value in {
             "NAME": re.sub(r"[^\w .-]", "_", wish.path.stem),
-            "EXR": json.dumps(beside.path.name),
+            "EXR": json.dumps(exr.path.name),
             "MAIN_LIGHT": json.dumps(lights[0]),
             "LIGHTS": json.dumps(lights),
             "APART": json.dumps(wish.lamps_apart),
             "HARMONICS": json.dumps(spherical_harmonics(environment.lights[-1].remainder).tolist()),
         }.items():
             text = text.replace(f"@{mark}@", value)
-        return [*_picture(environment, beside), *_text(wish.path, text)]
+        return [*_picture(environment, exr), *_text(wish.path, text)]
 
     return write
 
@@ -259,8 +259,8 @@ def _usd(environment: Environment, wish: FileSpec) -> list[Path]:
     if wish.made_for is not None:
         raise ConfigError("a USD stage", f"--for {wish.made_for}", "drop --for")
     texture = wish.files[1]
-    beside = replace(wish, path=texture, format="exr", made_for="usd", lamps_apart=True)
-    files = _picture(environment, beside)
+    exr = replace(wish, path=texture, format="exr", made_for="usd", lamps_apart=True)
+    files = _picture(environment, exr)
     write_usd(wish.path, environment.lights, texture.name)
     return [*files, wish.path]
 

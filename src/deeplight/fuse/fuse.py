@@ -19,7 +19,7 @@ from deeplight.fuse.view import HEIGHT
 from deeplight.io.photo_like import PhotoLike, as_photo
 from deeplight.preprocess import ASSUMED_LONG_SIDE_FOV_RAD
 
-_LEVEL_SPREAD = 0.02  # least spread of where cameras' right sides point, to tell up from it
+_LEVEL_SPREAD = 0.02  # least spread of where cameras' right sides point, to find up from it
 FRONT_FROM_BACK = rotation("y", np.pi)
 """The front camera looks the other way; what was to the right is to the left."""
 
@@ -116,7 +116,7 @@ def fuse_frames(
         front: a photo of the front camera, taken with the first frame.
 
     Raises:
-        ConfigError: no such frame, or level cannot be told.
+        ConfigError: no such frame, or level cannot be found.
         ImageFileError: nothing can be placed, the frame asked for among it.
     """
     if not 0 <= settings.frame < len(frames):

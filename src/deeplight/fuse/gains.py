@@ -17,7 +17,7 @@ OUTLIER = 0.15
 an edge that parallax moved."""
 _SCALES = (0.8, 0.4, 0.2, OUTLIER)
 _OVERLAP_SIGMA, _TIE_SIGMA, _EXIF_SIGMA, _SAME_SIGMA = 0.02, 1.0, 0.03, 3.0
-_INDEPENDENT_SR = 0.05  # neighbouring cells err alike: so many sr are one measurement
+_INDEPENDENT_SR = 0.05  # neighbouring cells err alike: this number of sr is one measurement
 
 Cells = Float[np.ndarray, "views cells 3"]
 

@@ -26,7 +26,7 @@ from deeplight.mappings import latlong, mirror_ball, resample
 ESTIMATE_ROWS = 64
 """Rows of the panorama in which estimates are merged; a pixel of theirs is 7 degrees wide."""
 BRIGHTEST = 30.0
-"""So many times the bound's power clipped pixels get at most."""
+"""Clipped pixels get at most this many times the bound's power."""
 _LEVEL = 0.5  # sine of the pitch at which an estimate's power counts 1 / e
 _DIM = 1.3  # what estimates lack: found on the validation places' pans, see docs/fuse.md
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)

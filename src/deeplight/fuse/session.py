@@ -32,7 +32,7 @@ CHANGED = 0.45
 LEAST_OVERLAP_SR = 0.05
 """Views that share less than this are not asked whether they agree."""
 PATIENCE = 3
-"""So many such views in a row, and what was before them is forgotten."""
+"""This number of such views in a row, and what was before them is forgotten."""
 _VERSION = 1
 
 Estimate = Callable[[UInt8[np.ndarray, "height width 3"]], Float32[np.ndarray, "size size 3"]]

@@ -1,4 +1,4 @@
-"""What `deeplight fuse` is given, as frames: photos, a clip's telling frames, phone panoramas."""
+"""What `deeplight fuse` is given, as frames: photos, a clip's best frames, phone panoramas."""
 
 import math
 import struct
@@ -164,7 +164,7 @@ def _tiny(still: VideoFrame) -> Float[np.ndarray, "h w"]:
 
 
 def _movement(one: Float[np.ndarray, "h w"], other: Float[np.ndarray, "h w"]) -> float:
-    """How far the picture has moved, of its shorter side; 1 where it is not to be told."""
+    """How far the picture has moved, of its shorter side; 1 where it cannot be found."""
     window = cv2.createHanningWindow(one.shape[::-1], cv2.CV_32F)
     (across, down), response = cv2.phaseCorrelate(one, other, window)
     return float(np.hypot(across, down)) / min(one.shape) if response > 0.05 else 1.0

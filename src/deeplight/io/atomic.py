@@ -23,7 +23,7 @@ _LEFTOVER = re.compile(r"\..*\.dl-(?P<where>[0-9a-f]{8})-(?P<process>[0-9a-f]+)-
 
 @contextmanager
 def replacing(path: Path | str) -> Iterator[Path]:
-    """Give a temporary path beside `path`; it becomes `path` on success and is removed on failure.
+    """Give a temporary path next to `path`; it becomes `path` on success and is removed on failure.
 
     The temporary name keeps the suffix, since image writers choose their format by it, and starts
     with a dot, so that a folder listing does not take it for a result. Missing parent folders are

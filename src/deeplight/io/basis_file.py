@@ -68,7 +68,7 @@ def load_bases(
 
 
 def load_provenance(path: Path | str) -> dict[str, Any]:
-    """What the file tells of its making; OSError or DataSetError as `load_bases`."""
+    """What the file says about its making; OSError or DataSetError as `load_bases`."""
     text = str(_arrays(Path(path)).get("provenance", "{}"))
     try:
         return dict(parse_json(text))

@@ -39,7 +39,7 @@ def read_environment(
 ) -> Environment:
     """Read one picture in any mapping, six faces of a cube, or a lighting file of ours.
 
-    Negative ringing beside a sun belongs to the sun's energy: it is clamped only after the area
+    Negative ringing next to a sun belongs to the sun's energy: it is clamped only after the area
     average to `max_height`.
 
     Args:
@@ -120,10 +120,10 @@ def _described(
     try:
         lamps, drawn = lamps_of_record(record)
         names = [name for name in record["environment"]["files"] if name.endswith(".exr")]
-        beside = path.with_name(Path(names[0]).name) if names else None
-        if beside is None or not beside.is_file():
+        neighbour = path.with_name(Path(names[0]).name) if names else None
+        if neighbour is None or not neighbour.is_file():
             return read_lighting_json(path).latlong(LATLONG_HEIGHT), None
-        radiance, _ = _one(beside, "latlong", None)
+        radiance, _ = _one(neighbour, "latlong", None)
         if not drawn:
             radiance = radiance + draw_lamps(lamps, len(radiance))
         return radiance, seen_of_record(record)

@@ -43,7 +43,7 @@ class Exif:
     is_adobe_rgb: bool = False
 
     def focal_length_px(self, stored_width: int, stored_height: int) -> float | None:
-        """Give the focal length in pixels of the stored picture, None where EXIF does not tell.
+        """Give the focal length in pixels of the stored picture, None where EXIF does not say.
 
         The 35 mm figure compares diagonals, so it needs no care for orientation or aspect.
         """

@@ -58,9 +58,9 @@ def write_gain_map_jpeg(path: Path | str, radiance: Float[np.ndarray, "height wi
         "HDRCapacityMin": 0.0,
         "HDRCapacityMax": max(most, 1e-3),
     }
-    told = "".join(f' hdrgm:{name}="{value:.6f}"' for name, value in facts.items())
+    attributes = "".join(f' hdrgm:{name}="{value:.6f}"' for name, value in facts.items())
     second = _with_segments(
-        _jpeg(gains), _xmp(_PACKET.format(f'{told} hdrgm:BaseRenditionIsHDR="False">'))
+        _jpeg(gains), _xmp(_PACKET.format(f'{attributes} hdrgm:BaseRenditionIsHDR="False">'))
     )
     with replacing(path) as temporary:
         temporary.write_bytes(_joined(base, second))

@@ -15,7 +15,7 @@ def parse_json(text: bytes | str, finite: bool = True) -> Any:
     """Give the value of a JSON text; every fault of the text is one ValueError.
 
     Stricter than `json.loads`: no NaN, no infinity and no number beyond float64, none of which
-    JSON has; nor so many values that they would fill the memory, nor nesting without end.
+    JSON has; nor enough values that they would fill the memory, nor nesting without end.
 
     Args:
         text: UTF-8 if bytes, with or without a byte order mark.

@@ -71,7 +71,7 @@ def read_lights(path: Path) -> StageLights:
 
     Raises:
         OSError: it cannot be read.
-        DataSetError: it is broken, names a file twice, or tells some lights less than others.
+        DataSetError: it is broken, names a file twice, or describes some lights less than others.
     """
     table = _csv_rows(path) if path.suffix.lower() == ".csv" else _json(path)
     rows = table.get("lights")
@@ -112,7 +112,7 @@ def write_json(path: Path, values: Mapping[str, Any]) -> None:
 
 
 def read_camera(folder: Path) -> StageCamera:
-    """What camera.json tells; nothing where there is none.
+    """What camera.json says; nothing where there is none.
 
     Raises:
         OSError: it cannot be read.

@@ -7,10 +7,10 @@ from deeplight.errors import ImageFileError
 
 
 def neighbour(path: Path, name: str, max_bytes: int) -> bytes:
-    """Read the file that `path` calls `name`: beside it or in a folder below.
+    """Read the file that `path` calls `name`: next to it or in a folder below.
 
     A name that leads elsewhere (another machine's absolute path, a parent folder) is looked for
-    beside `path` by its last part alone. Pipes and devices are refused before they are opened.
+    next to `path` by its last part alone. Pipes and devices are refused before they are opened.
 
     Raises:
         OSError: there is no such file, or reading it is not permitted.
@@ -22,7 +22,7 @@ def neighbour(path: Path, name: str, max_bytes: int) -> bytes:
         found = folder / tried
         if "\0" not in tried and found.exists() and found.resolve().is_relative_to(folder):
             return _content(found, max_bytes)
-    raise FileNotFoundError(2, "No such file beside the one that names it", str(folder / plain))
+    raise FileNotFoundError(2, "No such file next to the one that names it", str(folder / plain))
 
 
 def _content(path: Path, max_bytes: int) -> bytes:

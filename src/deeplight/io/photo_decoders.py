@@ -149,14 +149,14 @@ def exif_entries(path: Path) -> Image.Exif:
                 return _loaded(pillow_heif.open_heif(path).info.get("exif"))
             with Image.open(path) as picture:
                 return picture.getexif()
-    except Exception:  # whoever needs its pixels is told what is wrong with it
+    except Exception:  # whoever needs its pixels is given what is wrong with it
         return Image.Exif()
 
 
 def check_with_pillow(path: Path, start: bytes) -> dict[Any, Any]:
     """Check what OpenImageIO would find out too late or too loudly.
 
-    It decodes GIF and JPEG 2000 when it opens them, whatever their size, and libpng tells of damage
+    It decodes GIF and JPEG 2000 when it opens them, whatever their size, and libpng reports damage
     on stderr, past every error handler.
 
     Returns:

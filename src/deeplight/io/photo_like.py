@@ -28,7 +28,7 @@ def as_photo(photo: Any, max_side: int | None = None) -> Photo:
 
     Args:
         photo: it.
-        max_side: for files: so many pixels along the longer side do; see `read_photo`.
+        max_side: for files: enough pixels along the longer side; see `read_photo`.
 
     Raises:
         OSError: there is no such file, it is a folder, or reading it is not permitted.

@@ -28,7 +28,7 @@ def read_photograph(path: Path | str, gamma: float) -> Float32[np.ndarray, "heig
         ImageFileError: not an image, damaged, too large, or holding NaN or infinity.
     """
     path = Path(path)
-    check_with_pillow(path, first_bytes(path))  # libpng tells of damage on stderr otherwise
+    check_with_pillow(path, first_bytes(path))  # libpng reports damage on stderr otherwise
     with opened(path, MAX_PHOTO_PIXELS) as file:
         values = read_radiance(file, path, MAX_PHOTO_PIXELS)
         turned = upright(values, orientation_of(file, path))

@@ -38,7 +38,7 @@ class Photo:
     Attributes:
         pixels: RGB, gamma-encoded, [0, 255]. May be a turned view of the stored picture.
         source: the file it came from, None for pixels made in memory.
-        vertical_fov_rad: of the upright photo, from EXIF; None where EXIF does not tell.
+        vertical_fov_rad: of the upright photo, from EXIF; None where EXIF does not say.
         notes: what reading had to decide, one short line each, to be shown to the user.
     """
 
@@ -61,8 +61,8 @@ def read_photo(path: Path | str, max_side: int | None = None) -> Photo:
 
     Args:
         path: of the file.
-        max_side: so many pixels along the longer side do: a JPEG of more than twice that comes at
-            1/2, 1/4 or 1/8 of its side, still with at least so many, in a fraction of the time.
+        max_side: enough pixels along the longer side: a JPEG of more than twice that comes at
+            1/2, 1/4 or 1/8 of its side, still with at least this number, in a fraction of the time.
 
     Raises:
         OSError: there is no such file, it is a folder, or reading it is not permitted.
@@ -122,7 +122,7 @@ def photo_paths(paths: Iterable[Path | str]) -> list[Path]:
     found: list[Path] = []
     for path in map(Path, paths):
         if not path.is_dir():
-            path.stat()  # a missing file is told before any work starts
+            path.stat()  # a missing file is refused before any work starts
             found.append(path)
             continue
         photos = _photos_in(path)

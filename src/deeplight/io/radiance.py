@@ -53,7 +53,7 @@ def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
     black where it does not reach). Of several layers or parts `radiance_layers` chooses, or asks.
     A grey file gives three equal channels; alpha and other channels are left out.
 
-    Negative values are kept: published panoramas carry negative ringing beside the sun, and it
+    Negative values are kept: published panoramas carry negative ringing next to the sun, and it
     belongs to the energy there. Average to the working size first, then clamp at 0.
 
     Raises:
@@ -72,7 +72,7 @@ def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
 
 
 def is_floating_point(file: oiio.ImageInput) -> bool:
-    """Tell whether an opened file holds radiance rather than encoded pixels."""
+    """Return whether an opened file holds radiance rather than encoded pixels."""
     return str(file.spec().format) in FLOATING_POINT
 
 

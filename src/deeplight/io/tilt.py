@@ -1,4 +1,4 @@
-"""How the camera was tilted, where the photo's EXIF data tells."""
+"""How the camera was tilted, where the photo's EXIF data says."""
 
 import struct
 from dataclasses import dataclass

@@ -119,7 +119,7 @@ class VideoFacts:
 
 
 def is_video(path: Path | str) -> bool:
-    """Tell by the suffix whether `path` is a video."""
+    """Return whether, by its suffix, `path` is a video."""
     return Path(path).suffix.lower() in VIDEO_SUFFIXES
 
 
@@ -233,7 +233,7 @@ def _opened(path: Path) -> Iterator[_Film]:
                 look = Appearance.of_stream(stream)
                 stream.codec_context.options = limit
                 stream.thread_type = "AUTO"
-                # 0 is as many as there are cores; a worker next to others is told to keep to one.
+                # 0 is as many as there are cores; a worker next to others has to keep to one.
                 one = os.environ.get("OMP_NUM_THREADS") == "1"
                 stream.codec_context.thread_count = int(one)
                 yield _Film(container, stream, look)

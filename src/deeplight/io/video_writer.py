@@ -55,7 +55,7 @@ class VideoWriter:
             rate: frames a second, nominally.
             codec: of `CODECS`.
             rotation_deg: 0, 90, 180 or 270: frames are stored turned clockwise by it, and the
-                header tells players to turn them back.
+                header has players turn them back.
             quality: the encoder's CRF; a lower number is a larger file.
 
         Raises:

@@ -11,7 +11,7 @@ from deeplight.light_stage.outline import Outline
 from deeplight.reflectance import ReflectanceBasis
 
 TOLERANCE = 0.01
-_UNCOVERED = 0.01  # of the sphere: more is told
+_UNCOVERED = 0.01  # of the sphere: more is reported
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,10 @@ def write_measured(
     """
     certificate = measured.certificate.to_dict()
     settings = {key: str(v) if isinstance(v, Path) else v for key, v in asdict(how).items()}
-    beside = path.with_name(f"{path.stem}.certificate.json")
+    certificate_path = path.with_name(f"{path.stem}.certificate.json")
     picture = path.with_name(f"{path.stem}.picture.png")
-    write_json(beside, certificate)
+    write_json(certificate_path, certificate)
     write_png(picture, basis_picture(measured.bases))
     provenance = {"folder": folder.name, "settings": settings, "certificate": certificate}
     save_bases(path, measured.bases, provenance)
-    return beside, picture, path
+    return certificate_path, picture, path

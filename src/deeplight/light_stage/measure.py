@@ -214,7 +214,7 @@ def _none_missing(seen: list[Highlight | None], view: SphereView) -> list[Highli
 
 
 def _from_mirror(stage: StageFolder, seen: list[Highlight], saturated: int, find: bool) -> _Light:
-    """What the mirror ball tells: where the lights are, and how bright in pixel values."""
+    """What the mirror ball shows: where the lights are, and how bright in pixel values."""
     lights = stage.lights
     front = np.array([not highlight.behind for highlight in seen])
     if not front.any():
@@ -224,17 +224,17 @@ def _from_mirror(stage: StageFolder, seen: list[Highlight], saturated: int, find
     if find or directions is None:
         directions = np.array([highlight.direction for highlight in seen])
         notes.append(f"directions from the mirror ball; {(~front).sum()} at its rim are rough")
-    told = f"the mirror's {brdf.REFLECTIVITY[MIRROR]}"
+    scale_from = f"the mirror's {brdf.REFLECTIVITY[MIRROR]}"
     if lights.colours is None:
         colours = np.where(front[:, None], bright, np.median(bright[front], axis=0))
     elif lights.calibrated:
-        colours, told = lights.colours, _CALIBRATED
+        colours, scale_from = lights.colours, _CALIBRATED
     else:
         colours = lights.colours * np.median(bright[front] / lights.colours[front], axis=0)
-    if saturated and told != _CALIBRATED:
+    if saturated and scale_from != _CALIBRATED:
         notes.append(f"{saturated} lights saturate in the mirror: they set no scale")
-        told = ""
-    return _Light(directions, colours, told, tuple(notes))
+        scale_from = ""
+    return _Light(directions, colours, scale_from, tuple(notes))
 
 
 def _crops(
@@ -276,15 +276,15 @@ def _scale(
     """The one factor that makes all spheres absolute."""
     for name, value in how.reflectivity.items():
         furnace = bases[name].furnace()[bases[name].view.mask()].mean()
-        told = f"{name}'s reflectivity, given as {value}"
-        return float(value / furnace), replace(light, scale_from=told)
+        scale_from = f"{name}'s reflectivity, given as {value}"
+        return float(value / furnace), replace(light, scale_from=scale_from)
     if not light.scale_from:
         raise _no_scale()
     return 1.0, light
 
 
 def _check_scale(stage: StageFolder, how: MeasureSettings) -> None:
-    """Tell before the work that its result would have no scale."""
+    """Refuse before the work if its result would have no scale."""
     photographed = sorted(set(stage.spheres) - (set() if how.photographed_mirror else {MIRROR}))
     for name in how.reflectivity:
         if name not in photographed:

@@ -1,4 +1,4 @@
-"""A measured basis to look at: furnace, single lights, and relit beside the analytic sphere."""
+"""A measured basis to look at: furnace, single lights, and relit next to the analytic sphere."""
 
 from collections.abc import Mapping
 

@@ -40,7 +40,7 @@ Faces = Float[np.ndarray, "6 face face 3"]
 
 
 def mapping_of(height: int, width: int) -> str:
-    """The mapping that a picture's shape tells.
+    """The mapping that a picture's shape implies.
 
     Raises:
         ShapeError: a square, which may be either disc, or a shape of no mapping.

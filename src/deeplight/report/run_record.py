@@ -20,7 +20,7 @@ PACKAGES = (
     "safetensors",
     "torch",
 )
-"""The packages that decide numbers; run.toml tells the versions of those installed."""
+"""The packages that decide numbers; run.toml gives the versions of those installed."""
 
 
 def write_run_toml(

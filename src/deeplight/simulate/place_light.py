@@ -48,7 +48,7 @@ class PlaceLight:
         """Prepare a panorama; its radiance is not negative."""
         luminance = panorama @ LUMINANCE.astype(np.float32)
         weight = latlong.solid_angles(*luminance.shape)
-        few = slice(None, None, 4)  # a sixteenth of the texels tells the limit well enough
+        few = slice(None, None, 4)  # a sixteenth of the texels gives the limit well enough
         limit = _brightest_share(luminance[few, few], weight[few, few], LIGHT_SHARE)
         rows, columns = np.nonzero(luminance > limit)
         excess = np.maximum(1 - limit / luminance[rows, columns], 0)[:, None]

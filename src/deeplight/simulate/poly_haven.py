@@ -1,6 +1,6 @@
 """CC0 panoramas from Poly Haven's public API, for people who are online.
 
-The only part of the program that uses the network. `GET /files/SLUG` tells the address, size and
+The only part of the program that uses the network. `GET /files/SLUG` gives the address, size and
 MD5 of every resolution and format of an HDRI, `GET /info/SLUG` where it was taken
 (github.com/Poly-Haven/Public-API). Their terms ask for a user agent of one's own and for the credit
 line `CREDIT`. A download that broke off goes on where it was; a file with another checksum than
@@ -176,7 +176,7 @@ def fetch_panoramas(
         rows: what to fetch, from `rows_of` or `rows_in`.
         resolution: "1k" is 1024 x 512.
         kind: "hdr" or "exr".
-        progress: told a slug, how many bytes there are, and how many came.
+        progress: called with a slug, the number of bytes, and how many came.
 
     Raises:
         ConfigError: a resolution or a format that does not exist.
@@ -201,7 +201,7 @@ def fetch_panoramas(
 
 
 def rows_of(slugs: Sequence[str]) -> list[PanoramaRow]:
-    """What to fetch, by name; the API tells the rest.
+    """What to fetch, by name; the API gives the rest.
 
     Raises:
         ConfigError: a name that Poly Haven could not have.
@@ -244,8 +244,8 @@ def _checked(slug: str) -> str:
 
 def _announced(files: dict[str, Any], slug: str, resolution: str, kind: str) -> RemoteFile:
     try:
-        told = files["hdri"][resolution][kind]
-        remote = RemoteFile(str(told["url"]), int(told["size"]), str(told["md5"]).lower())
+        stated = files["hdri"][resolution][kind]
+        remote = RemoteFile(str(stated["url"]), int(stated["size"]), str(stated["md5"]).lower())
     except (KeyError, TypeError, ValueError):
         got = "no such file announced"
         raise DownloadError(f"{slug} as {resolution} {kind}", got, "choose another") from None
@@ -262,11 +262,10 @@ def _completed(row: PanoramaRow, file: str, source: str, server: Server) -> Pano
         return row
     info = server.answer(f"info/{row.slug}")
     attributes = info.get("attributes")
-    told = attributes.get("environment") if isinstance(attributes, dict) else None
+    scene = attributes.get("environment") if isinstance(attributes, dict) else None
     categories = [str(c).lower() for c in info.get("categories") or () if isinstance(c, str)]
-    scene = (
-        told if told in ("indoor", "outdoor") else "indoor" if "indoor" in categories else "outdoor"
-    )
+    if scene not in ("indoor", "outdoor"):
+        scene = "indoor" if "indoor" in categories else "outdoor"
     sky = "pure skies" in [*categories, str(info.get("category", "")).lower()]
     return PanoramaRow(
         file,

@@ -99,7 +99,7 @@ class Simulation:
     left_out: tuple[Skipped, ...] = field(default=())
 
     def examples(self, job: ShardJob) -> Iterator[Example | Skipped]:
-        """The examples of one shard; a panorama that cannot be used is told once and skipped."""
+        """The examples of one shard; a panorama of no use is reported once and skipped."""
         if job.split == "train" and job.number == 0:
             yield from self.left_out
         first = job.first // self.recipe.frames
@@ -224,7 +224,7 @@ def simulate(
     Args:
         shards, simulation: from `plan`.
         engine: where to film; the bytes are the same everywhere.
-        progress: told the number of examples of each finished shard.
+        progress: called with the number of examples of each finished shard.
 
     Raises:
         ConfigError: the engine cannot be reached, or another run is filming into the folder.

@@ -19,7 +19,7 @@ LIGHT_SPREAD = 0.7  # standard deviation of ln of the gain of lights
 TINT_SPREAD = 0.08  # of the colour of that gain
 SIDE_SPREAD = 0.35  # of ln radiance across the panorama, 1 radian apart
 LIGHTS_FROM, LIGHTS_FULL = 4.0, 16.0
-"""A texel so many times as bright as the median is partly, wholly, a light."""
+"""A texel this many times as bright as the median is partly, wholly, a light."""
 
 
 def varied(panorama: Panorama, rng: np.random.Generator) -> Float32[np.ndarray, "height width 3"]:

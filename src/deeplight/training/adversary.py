@@ -1,4 +1,4 @@
-"""The other player: teaches D beside G, and gives G its adversarial term."""
+"""The other player: teaches D along with G, and gives G its adversarial term."""
 
 from typing import TYPE_CHECKING
 

@@ -25,9 +25,9 @@ class DataConfig:
     train_split: str = "train"
     validation_splits: tuple[str, ...] = ("val_indoor", "val_outdoor")
     validation_examples: int = 512
-    """At most so many of each validation split, evenly spread over it."""
+    """At most this number of each validation split, evenly spread over it."""
     places: int = 0
-    """Learn from so many training places only, which `run.seed` draws; 0 is all of them."""
+    """Learn from this number of training places only, which `run.seed` draws; 0 is all of them."""
     place_balanced: bool = False
     """Draw every place equally often, however many examples it has."""
     workers: int = 2

@@ -52,7 +52,7 @@ def fabric(config: "RunConfig", batch_size: int = 0) -> Fabric:
     """Fabric on the devices asked for, not yet launched.
 
     Raises:
-        ConfigError: this machine has no such accelerator or not so many, or the batch cannot be
+        ConfigError: this machine has no such accelerator or not enough, or the batch cannot be
             divided by the number of devices.
     """
     processes = config.devices * config.nodes

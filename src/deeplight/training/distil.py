@@ -21,7 +21,7 @@ class DistilConfig:
     commas, which teach their mean radiance. The new network starts as near the first as it can (see
     `slim`), without --weights. Empty: no teacher."""
     weight: float = 0.1
-    """Weight of the mean |ln radiance - the teacher's| beside the reconstruction loss."""
+    """Weight of the mean |ln radiance - the teacher's| added to the reconstruction loss."""
 
 
 def lit_l1(a: Float[Tensor, "n 3 size size"], b: Float[Tensor, "n 3 size size"]) -> Tensor:

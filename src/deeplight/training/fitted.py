@@ -28,18 +28,18 @@ SMOOTHNESS = 0.005
 the spheres leave the light open, as where the mirror is clipped, it stays smooth."""
 CHUNK = 256
 
-Told = Callable[[int, int], None]
+Progress = Callable[[int, int], None]
 
 
 def fit_all(
-    bases: RigBases, table: Batch, loss: LossConfig, folder: Path, told: Told | None = None
+    bases: RigBases, table: Batch, loss: LossConfig, folder: Path, progress: Progress | None = None
 ) -> Float[Tensor, "n 3 light light"]:
     """ln radiance fitted to each example of `table`, in its camera frame.
 
     Works in chunks that are kept in `folder`: a killed fit goes on with the next chunk.
 
     Args:
-        told: called with the examples done and their count.
+        progress: called with the examples done and their count.
     """
     count, fits = len(table.photo), []
     size = math.isqrt(bases.basis.shape[-1])
@@ -51,8 +51,8 @@ def fit_all(
             with replacing(path) as temporary:
                 np.save(temporary, found)
         fits.append(torch.from_numpy(read_array(path)))
-        if told is not None:
-            told(first + len(rows), count)
+        if progress is not None:
+            progress(first + len(rows), count)
     return torch.cat(fits).reshape(count, 3, size, size)
 
 

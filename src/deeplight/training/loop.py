@@ -113,7 +113,7 @@ class Run:
         self.fabric = devices.fabric(config.run, config.schedule.batch_size)
         self.device: torch.device = self.fabric.device
         self.open_splits(data)
-        self.fabric.launch()  # after everything that refuses: one process tells it
+        self.fabric.launch()  # after everything that refuses: one process reports it
         self.share = Share(self.fabric.global_rank, self.fabric.world_size)
         self.read_data()
         fresh = not saved and weights is None
@@ -216,10 +216,10 @@ class Run:
         if self.first and not path.exists():
             some = some_of(self.examples, CONSTANT_EXAMPLES, config.data.workers)
 
-            def told(done: int, count: int) -> None:
+            def report(done: int, count: int) -> None:
                 watch(Progress(0, self.total, float("nan"), 0.0, fitted=(done, count)))
 
-            fits = fit_all(self.bases, some, config.loss, path.parent, told)
+            fits = fit_all(self.bases, some, config.loss, path.parent, report)
             flips, shuffles = config.augment.flip, config.augment.channel_shuffle > 0
             parts = principal_components(fits, config.network.components, flips, shuffles)
             with replacing(path) as temporary:

@@ -191,7 +191,7 @@ class LossTerms:
     weighted: Mapping[str, Tensor]
     """Scalars to be added up: "reconstruction", and "adversarial" where there is a D."""
     reported: Mapping[str, Tensor]
-    """Masked L1 per sphere, and what is told of D, unweighted, detached."""
+    """Masked L1 per sphere, and what is reported of D, unweighted, detached."""
 
     def total(self) -> Tensor:
         return torch.stack(tuple(self.weighted.values())).sum()

@@ -29,7 +29,7 @@ def load_network(path: Path, data: str = "") -> tuple[Generator, ModelContract]:
     Args:
         path: an exported .onnx, a run's best.safetensors, or its folder; or one of its
             checkpoints, of which the averaged weights are taken.
-        data: what a run was trained on, in words; an ONNX file tells that itself.
+        data: what a run was trained on, in words; an ONNX file says that itself.
 
     Raises:
         ModelError: there is no such file, or it is not a network of deeplight.

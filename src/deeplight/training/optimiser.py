@@ -22,7 +22,7 @@ class OptimiserConfig:
     encoder_lr_factor: float = 1.0
     """The encoder's learning rate as a share of the rest's."""
     freeze_blocks: int = 0
-    """The stem and the first so many blocks keep their initial weights; 0 trains everything."""
+    """Number of first blocks that, with the stem, keep their initial weights; 0 trains all."""
     decoder_after: int = 0
     """With `network.components`: steps in which only these are mixed and the decoder rests."""
     ema_decay: float = 0.0
@@ -46,7 +46,7 @@ class ScheduleConfig:
     """Where the cosine ends, as a share of the learning rate."""
 
     def total_steps(self, examples: int) -> int:
-        """Steps of the whole run over a training split of so many examples."""
+        """Steps of the whole run over a training split of this number of examples."""
         if self.steps is not None:
             return self.steps
         return max(1, math.ceil(self.epochs * examples / self.batch_size))

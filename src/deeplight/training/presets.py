@@ -45,7 +45,7 @@ GPU = replace(
     run=replace(SMALL.run, precision="bf16-mixed"),
 )
 
-# Our own network beside the paper's: lamps, and brightness that follows the photo's. A third of
+# Our own network, not the paper's: lamps, and brightness that follows the photo's. A third of
 # the steps of `small`, since it is better than that after a sixth.
 LAMPS = replace(
     SMALL,

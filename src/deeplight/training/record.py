@@ -124,7 +124,7 @@ class RunRecord:
 
 
 def draw_curves(run_dir: Path) -> None:
-    """The training loss, and the masked L1 of each split beside the constant lighting (dotted)."""
+    """The training loss, and the masked L1 of each split next to the constant lighting (dotted)."""
     from matplotlib.figure import Figure  # no pyplot: no global state, no display
 
     losses, validation = (read_csv(run_dir / f"{name}.csv") for name in ("losses", "validation"))

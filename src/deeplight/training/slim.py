@@ -31,7 +31,7 @@ from deeplight.training.network.mobilenet_v2 import (
 RIDGE = 1e-3
 """Added to the variance of each input of a fit, as a share of their mean."""
 FITTED_PHOTOS = 64
-"""The last layer, whose output is large, is fitted on so many of the photos."""
+"""The last layer, whose output is large, is fitted on this number of the photos."""
 
 
 @torch.no_grad()
@@ -75,7 +75,7 @@ def refuse_other_shape(narrow: Generator, wide: Generator) -> None:
     for what, of in (
         ("latent_size", lambda g: g.latent.out_features),
         ("decoder_widths", lambda g: g.decoder.up1.conv.out_channels),
-        ("lamps", lambda g: lamps_beside(g, wide)),
+        ("lamps", lambda g: lamps_next_to(g, wide)),
         ("components", lambda g: 0 if g.mixture is None else len(g.mixture.components)),
     ):
         if of(narrow) != of(wide):
@@ -90,7 +90,7 @@ def refuse_other_shape(narrow: Generator, wide: Generator) -> None:
         raise ConfigError("network.width of at most the teacher's", "a wider network", do)
 
 
-def lamps_beside(generator: Generator, wide: Generator) -> int:
+def lamps_next_to(generator: Generator, wide: Generator) -> int:
     """Lamps that must be as many as the teacher's; it may have none."""
     return 0 if generator.lamps is None or wide.lamps is None else generator.lamps.count
 

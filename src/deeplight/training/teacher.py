@@ -20,7 +20,7 @@ from deeplight.training.slim import start_from
 
 
 class Teacher:
-    """Trained networks that answer every batch, as one, beside the one that learns."""
+    """Trained networks that answer every batch, as one, for the one that learns."""
 
     def __init__(self, networks: Sequence[Generator], weight: float) -> None:
         self.networks, self.weight = nn.ModuleList(networks).requires_grad_(False).eval(), weight

@@ -1,4 +1,4 @@
-"""Masked L1 of each sphere on the validation splits, beside the best constant lighting."""
+"""Masked L1 of each sphere on the validation splits, next to the best constant lighting."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -77,7 +77,7 @@ class Validation:
 
 
 def some_of(examples: ExampleBytes, most: int, workers: int) -> Batch:
-    """At most so many examples, evenly spread over the split, decoded."""
+    """At most this number of examples, evenly spread over the split, decoded."""
     count = min(most, len(examples))
     indices = np.linspace(0, len(examples) - 1, count).round().astype(int)
     return preload(Subset(examples, indices.tolist()), workers)

@@ -35,7 +35,7 @@ def average_weights(parts: Sequence[tuple[Path, float]], out: Path) -> checkpoin
     shapes = {name: value.shape for name, value in checkpoint.averaged(first).items()}
     for path, other, states in loaded:
         same = {n: v.shape for n, v in checkpoint.averaged(states).items()} == shapes
-        if not same or orientation(other) != orientation(header):  # which the shapes do not tell
+        if not same or orientation(other) != orientation(header):  # which the shapes do not say
             got = f"{path} of another network than {parts[0][0]}"
             raise ModelError("weights of one network", got, "leave it out")
     shares = [share / total for _, share in parts]

@@ -203,7 +203,7 @@ def _checked(content: bytes, name: str) -> _Header:
         raise _damaged(name, "a header with numbers out of range")
     size = _HEADER.size + sum(size + (-size) % 4 for _, size in header.sections())
     if len(content) != size or total != size:
-        raise _damaged(name, f"{len(content):,} bytes where its header tells {size:,}")
+        raise _damaged(name, f"{len(content):,} bytes where its header says {size:,}")
     if zlib.crc32(content[_CHECKED_FROM:]) != checksum:
         raise _damaged(name, "another checksum than its own")
     return header

@@ -72,11 +72,11 @@ def solve(
     points = len(surface.vertices) + (ground.size**2 if ground else 0)
     solution, total = solver.dark(), points * (work.bounces + 1)
 
-    def told(begun: int, done: int) -> None:
+    def report(begun: int, done: int) -> None:
         progress(begun + done, total)
 
     for begun in range(0, total, points):
-        solution = solver.round(solution, partial(told, begun))
+        solution = solver.round(solution, partial(report, begun))
     return solution
 
 

@@ -17,7 +17,7 @@ const kinds = { '.js': 'text/javascript', '.mjs': 'text/javascript', '.html': 't
 const page = `<!doctype html><script type="importmap">{"imports": {
   "three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/"}}</script>`;
 
-// Serves the page, three.js and the files beside LIGHT; nothing comes from outside.
+// Serves the page, three.js and the files next to LIGHT; nothing comes from outside.
 const server = createServer(async (request, response) => {
   const url = decodeURIComponent(new URL(request.url, 'http://localhost').pathname);
   try {

@@ -89,7 +89,7 @@ function wishes(facing: Facing): MediaStreamConstraints {
   return { audio: false, video };
 }
 
-/** Which way the camera looks that was really given; desktops do not tell. */
+/** Which way the camera looks that was really given; desktops do not say. */
 function actualFacing(stream: MediaStream): Facing | undefined {
   const facing = stream.getVideoTracks()[0]?.getSettings().facingMode;
   return facing === "user" || facing === "environment" ? facing : undefined;

@@ -10,7 +10,7 @@ export interface Picture {
   readonly height: number;
   /** What can be drawn: always upright, never mirrored. */
   readonly source: HTMLVideoElement | HTMLCanvasElement;
-  /** Where the file tells it; undefined means that 66 degrees along the long side are assumed. */
+  /** Where the file gives it; undefined means that 66 degrees along the long side are assumed. */
   readonly verticalFovRad: number | undefined;
   /** The pixels of now, at full size. */
   grab(): Promise<Frame>;

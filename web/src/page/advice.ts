@@ -20,7 +20,7 @@ const ADVICE: Record<FailureKind, Advice> = {
   denied: {
     title: "The camera is not allowed",
     sentence:
-      "Allow it in the browser’s settings for this page (the icon beside the address), then try again.",
+      "Allow it in the browser’s settings for this page (the icon next to the address), then try again.",
     remedies: ["camera", "photo"],
   },
   "no-camera": {
@@ -47,7 +47,7 @@ const ADVICE: Record<FailureKind, Advice> = {
   "no-motion": {
     title: "No motion sensors",
     sentence:
-      "This device does not tell how it is held. You can set the tilt by hand under Camera.",
+      "This device does not say how it is held. You can set the tilt by hand under Camera.",
     remedies: ["close"],
   },
   "model-missing": {
@@ -125,7 +125,7 @@ const ADVICE: Record<FailureKind, Advice> = {
   },
 };
 
-/** What to tell about anything thrown. */
+/** What to say about anything thrown. */
 export function adviceFor(error: unknown): Advice {
   return ADVICE[asFailure(error).kind];
 }

@@ -27,7 +27,7 @@ import type { ModelLoader } from "./model-loader.ts";
 import type { Notice } from "./notice.ts";
 import { Watch } from "./watch.ts";
 
-/** As `deeplight compose` assumes where nothing tells the tilt. */
+/** As `deeplight compose` assumes where nothing gives the tilt. */
 export const ASSUMED_TILT_RAD = (-15 * Math.PI) / 180;
 
 export class App {
@@ -39,7 +39,7 @@ export class App {
   onChange: () => void = () => {};
   readonly firstLight: Promise<void>;
   private wasLit: () => void = () => {};
-  /** How the camera is held where no sensor tells. */
+  /** How the camera is held where no sensor gives it. */
   tiltRad = ASSUMED_TILT_RAD;
   /** The newest light, smoothed while live. */
   light: Lighting | null = null;
@@ -246,7 +246,7 @@ export class App {
     this.wasLit();
   }
 
-  /** As the file tells or the slider was set; undefined leaves the usual to be assumed. */
+  /** As the file says or the slider was set; undefined leaves the usual to be assumed. */
   private fovOf(picture: Picture): number | undefined {
     const { longSideFovRad } = this.stage;
     if (picture.verticalFovRad || longSideFovRad === ASSUMED_LONG_SIDE_FOV_RAD) {

@@ -1,7 +1,7 @@
 /** Sliders, chips and trays. */
 import { box, button, element, input } from "./elements.ts";
 
-/** A slider with its value in words beside it. */
+/** A slider with its value in words next to it. */
 export class Slider {
   private readonly field: HTMLInputElement;
   private readonly text: HTMLElement;

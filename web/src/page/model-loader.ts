@@ -36,13 +36,13 @@ export class ModelLoader {
       worker: () =>
         new Worker(new URL("./estimate-worker.ts", import.meta.url), { type: "module" }),
       onProgress: (done, all) => {
-        if (all > 0) bar.value = done / all; // some servers do not tell
+        if (all > 0) bar.value = done / all; // some servers do not say
       },
     });
     const hide = (): void => {
       box("loading").hidden = true;
     };
-    estimator.loaded.then(hide, hide); // whoever needs the estimator is told of a failure
+    estimator.loaded.then(hide, hide); // whoever needs the estimator gets the failure
     return estimator;
   }
 }

@@ -139,7 +139,7 @@ function readHeader(buffer: ArrayBuffer): Header {
   if (!inRange(header) || !floats.every(isSane)) throw damaged("has numbers out of range");
   const size = expectedBytes(header);
   if (buffer.byteLength !== size || view.getUint32(8, true) !== size) {
-    throw damaged(`has ${buffer.byteLength} bytes where its header tells ${size}`);
+    throw damaged(`has ${buffer.byteLength} bytes where its header says ${size}`);
   }
   if (crc32(new Uint8Array(buffer, TRANSFER.checked_from)) !== view.getUint32(12, true)) {
     throw damaged("has another checksum than its own");

@@ -63,7 +63,7 @@ test("the checksum is that of zip", () => {
   expect(crc32(new TextEncoder().encode("123456789"))).toBe(0xcbf43926);
 });
 
-describe("a damaged file is told, never read", () => {
+describe("a damaged file is reported, never read", () => {
   test("cut anywhere", () => {
     const whole = content();
     for (let length = 0; length < whole.byteLength; length += 97) {

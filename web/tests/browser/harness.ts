@@ -7,7 +7,7 @@ import { noise } from "../noise.ts";
 const estimators: Estimator[] = [];
 
 const harness = {
-  /** Loads a model; gives "ok" or the error's kind, and what was told of the progress. */
+  /** Loads a model; gives "ok" or the error's kind, and what was reported of the progress. */
   async load(model: string): Promise<{ got: string; progress: number[][] }> {
     const progress: number[][] = [];
     try {
@@ -40,7 +40,7 @@ const harness = {
     return Array.from((await newest().estimate(frame))!.lighting.logRadiance);
   },
 
-  /** Sends frames faster than they can be estimated; tells which came through. */
+  /** Sends frames faster than they can be estimated; returns which came through. */
   async burst(count: number): Promise<boolean[]> {
     const frames = Array.from({ length: count }, () => blank(90, 160));
     const results = (await Promise.all(frames)).map((frame) => newest().estimate(frame));

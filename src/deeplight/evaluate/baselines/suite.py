@@ -1,4 +1,4 @@
-"""All baselines of a data set; what takes long to make is made once and kept beside it."""
+"""All baselines of a data set; what takes long to make is made once and kept next to it."""
 
 import contextlib
 from pathlib import Path

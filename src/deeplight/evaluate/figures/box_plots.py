@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from deeplight.dataset.contact_sheet import Picture
 from deeplight.evaluate.scores import CHANNELS, Report, Scores
 
-LOW, HIGH = -1.0, 3.0  # of the axis; what lies beyond is told in words
+LOW, HIGH = -1.0, 3.0  # of the axis; what lies beyond is put in words
 COLOURS = ((214, 68, 60), (68, 160, 80), (66, 110, 214))
 INK, SOFT, LINE, PAPER = (40, 44, 52), (110, 116, 126), (224, 224, 220), (253, 253, 252)
 _SHARPER = 2  # drawn so much larger than the caption's own pixels, for dense screens

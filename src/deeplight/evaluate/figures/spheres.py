@@ -1,4 +1,4 @@
-"""The piece every figure is made of: an input beside its spheres, filmed and rendered."""
+"""The piece every figure is made of: an input next to its spheres, filmed and rendered."""
 
 from collections.abc import Mapping, Sequence
 

@@ -109,10 +109,10 @@ class Rival:
 
     def save(self, path: Path) -> None:
         """Write weights and facts to a .safetensors file, whole or not at all."""
-        told = {"config": asdict(self.config), "facts": self.facts, "scale": self.scale}
+        header = {"config": asdict(self.config), "facts": self.facts, "scale": self.scale}
         with replacing(path) as temporary:
             weights = {k: v.contiguous() for k, v in self.network.state_dict().items()}
-            save_file(weights, temporary, {"rival": json.dumps(told)})
+            save_file(weights, temporary, {"rival": json.dumps(header)})
 
 
 def load_rival(path: Path) -> Rival:
@@ -125,15 +125,15 @@ def load_rival(path: Path) -> Rival:
     path.stat()
     try:
         with safe_open(path, "pt") as file:
-            told = json.loads((file.metadata() or {})["rival"])
+            header = json.loads((file.metadata() or {})["rival"])
             weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        views = told["config"]["views"]
-        told["config"]["views"] = Views(**{**views, "fov_deg": tuple(views["fov_deg"])})
-        told["config"]["photo_size"] = tuple(told["config"]["photo_size"])
-        config = RivalConfig(**told["config"])
+        views = header["config"]["views"]
+        header["config"]["views"] = Views(**{**views, "fov_deg": tuple(views["fov_deg"])})
+        header["config"]["photo_size"] = tuple(header["config"]["photo_size"])
+        config = RivalConfig(**header["config"])
         network = _network(config)
         network.load_state_dict(weights)
-        return Rival(config, network, told["facts"], told["scale"])
+        return Rival(config, network, header["facts"], header["scale"])
     except (ValueError, KeyError, TypeError, RuntimeError) as error:
         raise ModelError("a trained rival", f"{path}: {error}", "train one") from None
     except Exception as error:  # safetensors has its own kind

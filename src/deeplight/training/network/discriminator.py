@@ -1,7 +1,7 @@
 """The discriminator D and the pictures it judges: clipped mirror balls on a clean plate [3.4].
 
 Real and predicted ball are laid over the same plate with the same alpha, both soft-clipped and
-gamma-encoded, so that nothing but the light in the ball tells them apart.
+gamma-encoded, so that nothing but the light in the ball distinguishes them.
 """
 
 from dataclasses import dataclass

@@ -57,10 +57,10 @@ class NetworkConfig:
     output_size: int = 32
     """Pixels along the mirror ball: 16, 32 or 64."""
     components: int = 0
-    """So many principal components of lighting fitted to training examples (see `fitted`), which
+    """Number of principal components of lighting fitted to training examples (see `fitted`), which
     the latent vector mixes; the decoder adds what they lack, nothing at first. 0: no components."""
     lamps: int = 0
-    """So many lamps, added to the radiance of a map that starts dimmer (see `lamps`)."""
+    """Number of lamps, added to the radiance of a map that starts dimmer (see `lamps`)."""
     brightness: float = 0.0
     """Share of the photo's brightness that is taken out before the network and put back after it:
     at 1 the light follows an exposure change exactly. A photo's brightness is its mean pixel."""

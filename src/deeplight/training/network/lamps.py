@@ -17,7 +17,7 @@ from deeplight.lobe import lobe_grid
 LEAST_CONCENTRATION, MOST_CONCENTRATION = 15.0, 150.0
 """Of the lobes: discs of 30 and of 9 degrees' radius."""
 DIMMER = 0.4
-"""A map beside lamps starts this much dimmer, in ln; the lamps start with what it lacks."""
+"""A map with lamps starts this much dimmer, in ln; the lamps start with what it lacks."""
 START_SPREAD = 0.3
 """Standard deviation of a lamp's seven numbers before training, about."""
 SHORTEST = 1e-6

@@ -21,12 +21,12 @@ export interface LoadOptions {
    * `() => new Worker(new URL("deeplight/worker", import.meta.url), { type: "module" })`.
    */
   readonly worker?: (() => Worker) | undefined;
-  /** Called while the network is fetched; `all` is 0 where the host does not tell. */
+  /** Called while the network is fetched; `all` is 0 where the host does not say. */
   readonly onProgress?: ((done: number, all: number) => void) | undefined;
 }
 
 export interface EstimateOptions {
-  /** Of the whole upright picture; else what a JPEG file tells, else 66 degrees along the long side. */
+  /** Of the whole upright picture; else what a JPEG file gives, else 66 degrees along the long side. */
   readonly verticalFovRad?: number | undefined;
 }
 

@@ -44,7 +44,7 @@ export class DeepLightElement extends HTMLElement {
       this.show(light);
     } catch (error) {
       if (asked !== this.#asked) return;
-      this.#tell("lightfailed", { error });
+      this.#announce("lightfailed", { error });
     }
   }
 
@@ -61,10 +61,10 @@ export class DeepLightElement extends HTMLElement {
       return canvas;
     });
     this.shadowRoot?.replaceChildren(...canvases);
-    this.#tell("lightestimated", { light });
+    this.#announce("lightestimated", { light });
   }
 
-  #tell(type: string, detail: object): void {
+  #announce(type: string, detail: object): void {
     this.dispatchEvent(new CustomEvent(type, { detail, bubbles: true, composed: true }));
   }
 }

@@ -12,6 +12,6 @@ const VIEW_U = 0.25;
 /** Lights what it shows, as its `environment-image`; the result frees the memory once another is set. */
 export function setEnvironmentImage(viewer: ModelViewer, light: Light): () => void {
   const url = URL.createObjectURL(light.hdr(VIEW_U));
-  viewer.environmentImage = `${url}#.hdr`; // it tells the kinds of files apart by their endings
+  viewer.environmentImage = `${url}#.hdr`; // it distinguishes the kinds of files by their endings
   return () => URL.revokeObjectURL(url);
 }

@@ -13,7 +13,7 @@ interface Spans {
   readonly length: number; // of a cell, in pixels
 }
 
-/** So many bytes add up in 16 bits. */
+/** The number of bytes that add up in 16 bits. */
 const PACKED = 256;
 
 /** Rows of pixels that follow each other. */
@@ -145,7 +145,7 @@ export class CellMeans {
   #addColumns(sums: Sums, cells: Float64Array, to: number): void {
     const { first, last, firstWeight, lastWeight } = this.#columns;
     const { redBlue, green } = sums;
-    const most = Math.floor(PACKED / sums.rows); // so many columns add up before 16 bits are full
+    const most = Math.floor(PACKED / sums.rows); // this number of columns adds up before 16 bits are full
     for (let cell = 0, at = to; cell < first.length; cell++, at += 3) {
       const from = first[cell]! - this.left;
       const end = last[cell]! - this.left;

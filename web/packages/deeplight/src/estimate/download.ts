@@ -2,7 +2,7 @@ import { EstimateError } from "../errors.ts";
 
 export type Progress = (done: number, all: number) => void;
 
-/** The bytes of a file. `all` is 0 while the server does not tell how many there are. */
+/** The bytes of a file. `all` is 0 while the server does not say how many there are. */
 export async function download(url: string, onProgress: Progress): Promise<Uint8Array> {
   const missing = (why: string) => new EstimateError("model-missing", `${url}: ${why}`);
   const response = await fetch(url).catch((error: unknown) => {

@@ -1,4 +1,4 @@
-/** Runs the network beside the page: one model, then one frame after the other. */
+/** Runs the network next to the page: one model, then one frame after the other. */
 
 import { EstimateError, type EstimateErrorKind } from "../errors.ts";
 import type { Contract } from "../network/contract.ts";
@@ -60,7 +60,7 @@ async function load(model: string | Uint8Array): Promise<Reply> {
       : Promise.resolve(model);
   loading = bytes.then((file) => Network.open(file));
   const sha256 = bytes.then(hash);
-  sha256.catch(() => {}); // told by what waits for the network
+  sha256.catch(() => {}); // reported by what waits for the network
   const network = await loading;
   setTimeout(() => warmUp(network), IDLE_MS);
   return { loaded: { contract: network.contract, sha256: await sha256 } };

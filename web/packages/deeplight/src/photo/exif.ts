@@ -1,4 +1,4 @@
-/** The field of view that a JPEG's EXIF data tells, as io/exif.py reads it: the 35 mm equivalent. */
+/** The field of view that a JPEG's EXIF data gives, as io/exif.py reads it: the 35 mm equivalent. */
 
 const DIAGONAL_35MM_MM = Math.hypot(36, 24);
 const EXIF_IFD = 0x8769;

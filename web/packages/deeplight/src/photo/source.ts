@@ -20,7 +20,7 @@ export interface Taken {
   readonly height: number;
   /** The name of its file, where it has one. */
   readonly file: string | null;
-  /** Where the file tells it: the 35 mm equivalent in a JPEG's EXIF data. */
+  /** Where the file gives it: the 35 mm equivalent in a JPEG's EXIF data. */
   readonly verticalFovRad: number | undefined;
 }
 

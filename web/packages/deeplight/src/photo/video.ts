@@ -26,7 +26,7 @@ export function onEachFrame(video: HTMLVideoElement, seen: () => void): () => vo
 
 /**
  * The frame as it came from the camera, which costs nothing; undefined where the browser cannot
- * tell that it is upright: that is why it gets this far only where frames know their rotation.
+ * say that it is upright: that is why it gets this far only where frames know their rotation.
  */
 function filmed(video: HTMLVideoElement): VideoFrame | undefined {
   if (typeof VideoFrame === "undefined" || !("rotation" in VideoFrame.prototype)) return undefined;

@@ -10,7 +10,7 @@ export interface About {
   /** Upright; `file` is null for a camera's frame. */
   readonly photo: { readonly file: string | null; readonly width: number; readonly height: number };
   readonly verticalFovRad?: number | undefined;
-  /** Names of the environments saved beside it. */
+  /** Names of the environments saved next to it. */
   readonly environments?: readonly string[];
   /** Further lines of what the user should know. */
   readonly notes?: readonly string[];
