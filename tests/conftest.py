@@ -1,6 +1,8 @@
 """What every test shares."""
 
 import os
+from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,46 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+# Packages whose tests are skipped, by name, where they are not installed: those of the extras.
+# The base install is tested without them (tests/packaging).
+OPTIONAL = set(
+    "aiohttp ai_edge_litert astral av cv2 embreex fsspec jinja2 lightning lightning_fabric"
+    " flask litert_torch matplotlib mitsuba moto onnx onnxscript pillow_heif pxr pygeomag ray rawpy"
+    " s3fs safetensors scipy tensorboard torch trimesh DracoPy".split()
+)
+
+
+class OptionalModule(pytest.Module):
+    """A file of tests; one that imports an optional package which is not there is skipped."""
+
+    def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
+        try:
+            return super().collect()
+        except self.CollectError as error:
+            missing = getattr(error.__cause__, "name", None) or ""
+            if isinstance(error.__cause__, ModuleNotFoundError):
+                skip_without(missing.split(".")[0])
+            raise
+
+
+def skip_without(package: str) -> None:
+    """Skip the test or file that needs an optional package, if it is not installed."""
+    if package in OPTIONAL and find_spec(package) is None:
+        pytest.skip(f"needs {package}", allow_module_level=True)
+
+
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module:
+    return OptionalModule.from_parent(parent, path=module_path)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """`pytest.mark.needs("av")`: for what is imported only while a test runs."""
+    for item in items:
+        for mark in item.iter_markers("needs"):
+            for package in mark.args:
+                if find_spec(package) is None:
+                    item.add_marker(pytest.mark.skip(reason=f"needs {package}"))
 
 
 @pytest.fixture(scope="session")

@@ -7,11 +7,10 @@ import pytest
 
 from deeplight.contract import CONTRACT_KEY, ModelContract
 
-onnx = pytest.importorskip("onnx")
-
 
 def write_tiny_model(path: Path, contract_json: str | None, light_size: int = 32) -> Path:
     """Write a network whose ln radiance is 2.2 ln(mean pixel) plus a fixed lamp up on the right."""
+    onnx = pytest.importorskip("onnx")
     lamp = np.zeros((1, 3, light_size, light_size), np.float32)
     lamp[:, :, light_size // 4, 3 * light_size // 4] = 5
     constants = {

@@ -11,7 +11,8 @@ from deeplight.compose.trace import Quality
 from deeplight.io.photos import read_photo, write_png
 from deeplight.io.radiance import read_hdr, write_exr
 
-pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
+pytestmark = pytest.mark.needs("mitsuba")
+
 
 SHORT = ["--engine", "scalar", "--pitch", "-30", "--fov", "50"]
 

@@ -6,9 +6,6 @@ import importlib.util
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("onnxscript")
-
 from deeplight.cli.main import main
 from deeplight.deploy import onnx
 from deeplight.estimators.onnx import OnnxEstimator
@@ -17,6 +14,8 @@ from deeplight.training.config import flatten
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator
 from deeplight.training.presets import preset
+
+pytestmark = pytest.mark.needs("onnxscript")
 
 
 @pytest.fixture(scope="module")

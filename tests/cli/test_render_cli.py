@@ -7,7 +7,8 @@ import pytest
 from deeplight.cli.main import main
 from deeplight.transfer.file import read
 
-pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
+pytestmark = pytest.mark.needs("embreex")
+
 
 CUBE = """v 0 0 0
 v 1 0 0

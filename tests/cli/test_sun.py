@@ -27,8 +27,8 @@ from deeplight.io.tilt import Tilt
 from deeplight.io.whereabouts import Whereabouts, whereabouts_of
 from deeplight.lamp import SUN_ANGULAR_RADIUS_RAD, Lamp
 
-pytest.importorskip("astral")
-pytest.importorskip("pygeomag")
+pytestmark = pytest.mark.needs("astral", "pygeomag")
+
 
 # The worked example of NREL's solar position algorithm (Reda and Andreas 2004): zenith 50.11162,
 # azimuth 194.34024 degrees.

@@ -5,8 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-
 from deeplight.cli.main import main
 from deeplight.cli.train import finish
 from deeplight.errors import ConfigError, ModelError

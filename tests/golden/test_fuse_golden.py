@@ -9,7 +9,8 @@ import pytest
 
 from scripts import loaded
 
-pytest.importorskip("cv2")
+pytestmark = pytest.mark.needs("cv2")
+
 
 REMEDY = "after a change that is meant: python tests/golden/make_fuse.py, and commit"
 

@@ -14,7 +14,7 @@ import pytest
 
 from scripts import loaded
 
-pytest.importorskip("embreex")
+pytestmark = pytest.mark.needs("embreex")
 
 
 @pytest.fixture(scope="module")

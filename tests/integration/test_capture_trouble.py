@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
@@ -22,8 +23,6 @@ from deeplight.dataset import open_dataset
 from deeplight.io import video
 from deeplight.io.photos import encode_png
 from deeplight.sphere import SPHERES
-
-av = pytest.importorskip("av")
 
 
 @pytest.fixture

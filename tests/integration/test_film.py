@@ -13,7 +13,8 @@ from deeplight.io.video import facts, video_frames
 from deeplight.mappings import latlong
 from deeplight.sphere import SPHERES
 
-pytest.importorskip("av")
+pytestmark = pytest.mark.needs("av")
+
 
 WORDS = (
     "--film.size 96 --film.seconds 0.14 --film.clips 4 --film.no-vary-rig "

@@ -4,20 +4,20 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-cv2 = pytest.importorskip("cv2")
-pytest.importorskip("av")
+from deeplight.cli.main import main
+from deeplight.fuse.session import Session
+from deeplight.io.environment_file import read_environment
+from deeplight.io.photos import encode_jpeg, write_png
+from deeplight.io.video_writer import VideoWriter
+from deeplight.mappings import latlong
+from deeplight.mappings.resample import shrink_latlong
+from lab.pans import Pan, Sweep, Troubles, film_pan
 
-from deeplight.cli.main import main  # noqa: E402
-from deeplight.fuse.session import Session  # noqa: E402
-from deeplight.io.environment_file import read_environment  # noqa: E402
-from deeplight.io.photos import encode_jpeg, write_png  # noqa: E402
-from deeplight.io.video_writer import VideoWriter  # noqa: E402
-from deeplight.mappings import latlong  # noqa: E402
-from deeplight.mappings.resample import shrink_latlong  # noqa: E402
-from lab.pans import Pan, Sweep, Troubles, film_pan  # noqa: E402
+pytestmark = pytest.mark.needs("av")
 
 HEIGHT = 64
 

@@ -10,21 +10,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
+from deeplight.cli.main import main
+from deeplight.dataset import open_dataset
+from deeplight.errors import ConfigError, DataSetError, ModelError
+from deeplight.training import checkpoint, fitted, loop
+from deeplight.training.config import TrainConfig
+from deeplight.training.data import BatchSource, ExampleBytes, Order
+from deeplight.training.loop import BEST, Run, train
+from deeplight.training.presets import preset
+from deeplight.training.release import contract_of, load_best
 from toy_data import write_toy_data
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("safetensors")
-
-from deeplight.cli.main import main  # noqa: E402
-from deeplight.dataset import open_dataset  # noqa: E402
-from deeplight.errors import ConfigError, DataSetError, ModelError  # noqa: E402
-from deeplight.training import checkpoint, fitted, loop  # noqa: E402
-from deeplight.training.config import TrainConfig  # noqa: E402
-from deeplight.training.data import BatchSource, ExampleBytes, Order  # noqa: E402
-from deeplight.training.loop import BEST, Run, train  # noqa: E402
-from deeplight.training.presets import preset  # noqa: E402
-from deeplight.training.release import contract_of, load_best  # noqa: E402
+pytestmark = pytest.mark.needs("safetensors")
 
 COUNTS = {"train": 12, "val_indoor": 3, "val_outdoor": 3}
 

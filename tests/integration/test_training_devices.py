@@ -11,21 +11,19 @@ import sys
 import threading
 from pathlib import Path
 
+import fsspec
 import numpy as np
 import pytest
+import torch
 
+from deeplight.dataset import open_dataset
+from deeplight.dataset.remote import CACHE
+from deeplight.errors import DataSetError
+from deeplight.training import checkpoint
+from deeplight.training.augment import AugmentConfig, Inputs, augment
+from deeplight.training.data import Order, StepIndices
+from deeplight.training.devices import Share, over_all_devices
 from toy_data import write_toy_data
-
-torch = pytest.importorskip("torch")
-fsspec = pytest.importorskip("fsspec")
-
-from deeplight.dataset import open_dataset  # noqa: E402
-from deeplight.dataset.remote import CACHE  # noqa: E402
-from deeplight.errors import DataSetError  # noqa: E402
-from deeplight.training import checkpoint  # noqa: E402
-from deeplight.training.augment import AugmentConfig, Inputs, augment  # noqa: E402
-from deeplight.training.data import Order, StepIndices  # noqa: E402
-from deeplight.training.devices import Share, over_all_devices  # noqa: E402
 
 SETTINGS = (
     "schedule.batch_size=4",

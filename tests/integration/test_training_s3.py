@@ -11,16 +11,13 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import fsspec
 import pytest
+from moto import server as moto
 
 from toy_data import write_toy_data
 
-pytest.importorskip("torch")
-fsspec = pytest.importorskip("fsspec")
-pytest.importorskip("s3fs", reason="needs s3fs")
-moto = pytest.importorskip("moto.server", reason='needs "moto[server,s3]"')
-
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600), pytest.mark.needs("torch", "s3fs")]
 
 SECRET = "not-to-be-written-anywhere"
 SETTINGS = (

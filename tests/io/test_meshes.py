@@ -14,7 +14,8 @@ from deeplight.compose import mesh_file
 from deeplight.compose.mesh import Mesh, load
 from deeplight.errors import ImageFileError
 
-pytest.importorskip("trimesh")
+pytestmark = pytest.mark.needs("trimesh")
+
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 BOARD = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]], np.float32)
 UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)  # glTF's: from the upper left

@@ -8,6 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
 
+import av
 import numpy as np
 import pytest
 
@@ -15,8 +16,6 @@ from deeplight.errors import ImageFileError
 from deeplight.io.colour import BT2020, DISPLAY_P3, bt709_from_primaries, srgb_decode, srgb_encode
 from deeplight.io.video import _film_of, facts, frames, video_frames
 from deeplight.io.video_frame import Appearance
-
-av = pytest.importorskip("av")
 
 HEIGHT, WIDTH = 48, 64
 MATRICES = {  # EXIF's number: a b c d of the display matrix (x' = ax + cy, y' = bx + dy)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
@@ -18,8 +19,6 @@ from deeplight.io.colour import (
 )
 from deeplight.io.video import facts, frames, video_frames
 from deeplight.io.video_writer import VideoWriter
-
-av = pytest.importorskip("av")
 
 HEIGHT, WIDTH, COUNT = 96, 64, 6
 

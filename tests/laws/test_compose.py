@@ -29,7 +29,8 @@ from deeplight.compose.trace import MOST_BOUNCES, Layers, Quality, trace
 from deeplight.frames import normalised, turned
 from deeplight.mappings import latlong
 
-pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
+pytestmark = pytest.mark.needs("mitsuba")
+
 
 TINY = Quality(samples=16, shadow_samples=24, shadow_pixels=700)
 VIEW = Viewpoint(PinholeCamera(64, 48, np.radians(50)), 1.0, np.radians(-30))

@@ -11,7 +11,8 @@ from deeplight.capture.located import cones_of, rig_of
 from deeplight.frames import normalised
 from deeplight.sphere import PAPER_RIG
 
-pytest.importorskip("cv2")
+pytestmark = pytest.mark.needs("cv2")
+
 
 CAMERA = PinholeCamera(540, 960, np.radians(66))
 PLACES = st.tuples(st.floats(-0.55, 0.55), st.floats(-0.6, 0.6), st.floats(0.02, 0.2))

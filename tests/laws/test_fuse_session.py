@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("cv2")
-
 from deeplight.errors import ConfigError, InputError, ShapeError
 from deeplight.frames import rotation
 from deeplight.fuse.session import CHANGED, PATIENCE, Session
 from deeplight.mappings import latlong, mirror_ball, resample
 from lab.pans import Pan, Sweep, Troubles, film_pan
+
+pytestmark = pytest.mark.needs("cv2")
 
 RING = Sweep(16)
 IDEAL = Troubles(shake_rad=0.0, response=False)

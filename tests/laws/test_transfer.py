@@ -14,7 +14,8 @@ from deeplight.transfer.ground import Ground
 from deeplight.transfer.precompute import Transfer, TransferSettings, precompute
 from deeplight.transfer.rays import hemisphere
 
-pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
+pytestmark = pytest.mark.needs("embreex")
+
 
 FLOATING = TransferSettings(samples=256, bounces=0, glossy=None, ground=None, longest_edge=1.0)
 STANDING = replace(FLOATING, ground=Ground(size=16, reflectivity=0.3))

@@ -3,18 +3,16 @@
 import math
 
 import pytest
+import torch
+from torch import nn
 
-torch = pytest.importorskip("torch")
-
-from torch import nn  # noqa: E402
-
-from deeplight.training.network.generator import (  # noqa: E402
+from deeplight.training.network.generator import (
     PHOTO_SIZE,
     Generator,
     NetworkConfig,
     fold_batch_norm,
 )
-from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder, same_padding  # noqa: E402
+from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder, same_padding
 
 
 def parameters(module):

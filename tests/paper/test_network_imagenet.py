@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
+import torch
+from torch.nn import functional
 
-torch = pytest.importorskip("torch")
-
-from torch.nn import functional  # noqa: E402
-
-from deeplight.errors import ModelError  # noqa: E402
-from deeplight.training.network.imagenet import load_imagenet, output_moments, read_folded  # noqa: E402
-from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder  # noqa: E402
+from deeplight.errors import ModelError
+from deeplight.training.network.imagenet import load_imagenet, output_moments, read_folded
+from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder
 
 FILE = "mobilenet_v2_imagenet_folded.npz"
 

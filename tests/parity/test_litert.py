@@ -5,23 +5,21 @@ Needs the converter (docs/export.md) and a data set in data/sim; minutes, so the
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("litert_torch")
+from deeplight.camera_response import encode, soft_clip
+from deeplight.dataset import open_dataset
+from deeplight.deploy.litert import export_litert
+from deeplight.deploy.precision import PRECISIONS
+from deeplight.estimators.open import open_model
+from deeplight.evaluate.metrics import masked_l1
+from deeplight.evaluate.scores import rendered_radiance
+from deeplight.preprocess import normalise
+from deeplight.reflectance import rig_bases
+from deeplight.sphere import SPHERES
+from deeplight.training.model_file import load_network
 
-from deeplight.camera_response import encode, soft_clip  # noqa: E402
-from deeplight.dataset import open_dataset  # noqa: E402
-from deeplight.deploy.litert import export_litert  # noqa: E402
-from deeplight.deploy.precision import PRECISIONS  # noqa: E402
-from deeplight.estimators.open import open_model  # noqa: E402
-from deeplight.evaluate.metrics import masked_l1  # noqa: E402
-from deeplight.evaluate.scores import rendered_radiance  # noqa: E402
-from deeplight.preprocess import normalise  # noqa: E402
-from deeplight.reflectance import rig_bases  # noqa: E402
-from deeplight.sphere import SPHERES  # noqa: E402
-from deeplight.training.model_file import load_network  # noqa: E402
-
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200), pytest.mark.needs("litert_torch")]
 EXAMPLES = 48
 PHOTOS = 96
 

@@ -15,6 +15,7 @@ light's pixels, 3 to 7 degrees.
 from pathlib import Path
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -25,8 +26,6 @@ from deeplight.lighting import Lighting
 from deeplight.mappings import latlong
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
-
-mi = pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
 
 SAMPLES = 400
 MOST = {  # masked L1 allowed with light on a 64 ball, and on the network's 32 ball

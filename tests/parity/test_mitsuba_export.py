@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import mitsuba
 import numpy as np
 import pytest
 
@@ -20,7 +21,6 @@ from round_trips import (
 )
 
 pytestmark = pytest.mark.slow
-mitsuba = pytest.importorskip("mitsuba", reason="needs the extra 'render' (mitsuba)")
 
 
 def ball(name: str, light: Path, samples: int) -> np.ndarray:

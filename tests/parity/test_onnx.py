@@ -4,19 +4,18 @@ import copy
 from pathlib import Path
 
 import numpy as np
+import onnx
+import onnxruntime
 import pytest
+import torch
+from torch import nn
 
-torch = pytest.importorskip("torch")
-onnx = pytest.importorskip("onnx")
-pytest.importorskip("onnxscript")
+from deeplight.contract import CONTRACT_KEY, ModelContract
+from deeplight.deploy.onnx import ready_to_trace, store_as_float16, traced, write_model
+from deeplight.errors import ModelError
+from deeplight.training.network.generator import Generator, NetworkConfig
 
-import onnxruntime  # noqa: E402
-from torch import nn  # noqa: E402
-
-from deeplight.contract import CONTRACT_KEY, ModelContract  # noqa: E402
-from deeplight.deploy.onnx import ready_to_trace, store_as_float16, traced, write_model  # noqa: E402
-from deeplight.errors import ModelError  # noqa: E402
-from deeplight.training.network.generator import Generator, NetworkConfig  # noqa: E402
+pytestmark = pytest.mark.needs("onnxscript")
 
 CONTRACT = ModelContract(trained_on="nothing yet")
 

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from deeplight.lighting import Lighting  # noqa: E402
-from deeplight.relight import relight_rig  # noqa: E402
-from deeplight.sphere import PAPER_RIG, SPHERES  # noqa: E402
-from deeplight.training.losses import RigBases  # noqa: E402
+from deeplight.lighting import Lighting
+from deeplight.relight import relight_rig
+from deeplight.sphere import PAPER_RIG, SPHERES
+from deeplight.training.losses import RigBases
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from deeplight.transfer.precompute import Transfer, TransferSettings, precompute
 from deeplight.transfer.reference import path_traced
 from deeplight.transfer.view import Eye, view
 
-pytest.importorskip("mitsuba")
-pytest.importorskip("embreex")
+pytestmark = pytest.mark.needs("mitsuba", "embreex")
+
 
 # Of the two, per pixel: the largest bias of the object as a share of its mean, the largest RMS
 # difference of the object and of the shadow. Mitsuba's own noise is in both.

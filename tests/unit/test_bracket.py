@@ -8,8 +8,6 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-pytest.importorskip("cv2")
-
 from deeplight.bracket.ball import Circle, find_circle, unwrapped, uv_showing
 from deeplight.bracket.card import GREY_ROW
 from deeplight.bracket.exposures import exposure_amount, read_frames
@@ -22,6 +20,8 @@ from deeplight.frames import looking_at
 from deeplight.io.environment_file import read_environment
 from deeplight.mappings import latlong, resample
 from deeplight.sphere import SphereView
+
+pytestmark = pytest.mark.needs("cv2")
 
 TIMES = (1 / 2000, 1 / 500, 1 / 125, 1 / 30, 1 / 8, 1 / 2)
 

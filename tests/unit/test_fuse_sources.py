@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-pytest.importorskip("cv2")
-
 from deeplight.fuse.sources import log_exposure_of
+
+pytestmark = pytest.mark.needs("cv2")
 
 TIME, F_NUMBER, ISO = 0x829A, 0x829D, 0x8827
 

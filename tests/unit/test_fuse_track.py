@@ -2,15 +2,13 @@
 
 from functools import lru_cache
 
+import cv2
 import numpy as np
-import pytest
 
-cv2 = pytest.importorskip("cv2")
-
-from deeplight.frames import world_from_camera  # noqa: E402
-from deeplight.fuse.poses import angle_between  # noqa: E402
-from deeplight.fuse.track import Tracked, track  # noqa: E402
-from lab.pans import Pan, Sweep, Troubles, film_pan  # noqa: E402
+from deeplight.frames import world_from_camera
+from deeplight.fuse.poses import angle_between
+from deeplight.fuse.track import Tracked, track
+from lab.pans import Pan, Sweep, Troubles, film_pan
 
 FOV = float(np.radians(66))
 

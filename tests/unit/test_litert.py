@@ -6,12 +6,12 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip("ai_edge_litert")
-
 from deeplight.cli.main import main
 from deeplight.contract import CONTRACT_KEY
 from deeplight.errors import MissingExtraError, ModelError
 from deeplight.estimators.open import open_model
+
+pytestmark = pytest.mark.needs("ai_edge_litert")
 
 
 @pytest.fixture(scope="module")

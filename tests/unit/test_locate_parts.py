@@ -4,35 +4,33 @@ import pickle
 from itertools import permutations
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from deeplight.camera import PinholeCamera
-from deeplight.frames import looking_at, normalised, rotation, turned
-from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
-
-cv2 = pytest.importorskip("cv2")
-
-from deeplight.camera_response import encode  # noqa: E402
-from deeplight.capture.candidates import (  # noqa: E402
+from deeplight.camera_response import encode
+from deeplight.capture.candidates import (
     Candidate,
     completed,
     find_candidates,
     separation_rad,
     triples,
 )
-from deeplight.capture.conic import Cone, pixel_scale  # noqa: E402
-from deeplight.capture.located import NotLocated, TagRig, cones_of  # noqa: E402
-from deeplight.capture.materials import brightest, name_spheres  # noqa: E402
-from deeplight.capture.motion import Evidence, persistent_edges  # noqa: E402
-from deeplight.capture.refine import SphereOutline, refine, refine_by_sides, split_cost  # noqa: E402
-from deeplight.capture.rig_file import read_rig_file, write_rig_file  # noqa: E402
-from deeplight.capture.sizes import expected_radius  # noqa: E402
-from deeplight.capture.tag import cones_next_to_tag, tag_corners  # noqa: E402
-from deeplight.errors import DataSetError  # noqa: E402
-from deeplight.lighting import Lighting  # noqa: E402
-from deeplight.reflectance import analytic_basis  # noqa: E402
-from deeplight.relight import relight  # noqa: E402
+from deeplight.capture.conic import Cone, pixel_scale
+from deeplight.capture.located import NotLocated, TagRig, cones_of
+from deeplight.capture.materials import brightest, name_spheres
+from deeplight.capture.motion import Evidence, persistent_edges
+from deeplight.capture.refine import SphereOutline, refine, refine_by_sides, split_cost
+from deeplight.capture.rig_file import read_rig_file, write_rig_file
+from deeplight.capture.sizes import expected_radius
+from deeplight.capture.tag import cones_next_to_tag, tag_corners
+from deeplight.errors import DataSetError
+from deeplight.frames import looking_at, normalised, rotation, turned
+from deeplight.lighting import Lighting
+from deeplight.reflectance import analytic_basis
+from deeplight.relight import relight
+from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
 
 CAMERA = PinholeCamera(180, 320, np.radians(66))
 

@@ -5,25 +5,23 @@ from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from deeplight.camera import PinholeCamera
+from deeplight.camera_response import encode
+from deeplight.capture.conic import Cone, moved, pixel_scale
+from deeplight.capture.locate import LocateSettings, NotLocated, TagRig, locate
+from deeplight.capture.located import cones_of, moved_together, rig_of
+from deeplight.capture.rig_file import read_rig_file
+from deeplight.errors import DataSetError
 from deeplight.frames import looking_at, normalised, turned
+from deeplight.io.video import VideoFrame
+from deeplight.lighting import Lighting
+from deeplight.reflectance import analytic_basis
+from deeplight.relight import relight
 from deeplight.sphere import SPHERES, Rig, SphereView
-
-cv2 = pytest.importorskip("cv2")
-
-from deeplight.camera_response import encode  # noqa: E402
-from deeplight.capture.conic import Cone, moved, pixel_scale  # noqa: E402
-from deeplight.capture.locate import LocateSettings, NotLocated, TagRig, locate  # noqa: E402
-from deeplight.capture.located import cones_of, moved_together, rig_of  # noqa: E402
-from deeplight.capture.rig_file import read_rig_file  # noqa: E402
-from deeplight.errors import DataSetError  # noqa: E402
-from deeplight.io.video import VideoFrame  # noqa: E402
-from deeplight.lighting import Lighting  # noqa: E402
-from deeplight.reflectance import analytic_basis  # noqa: E402
-from deeplight.relight import relight  # noqa: E402
 
 CAMERA = PinholeCamera(360, 640, np.radians(66))
 CENTRES_M = {name: np.array([0.13 * (i - 1), -0.1, -0.55]) for i, name in enumerate(SPHERES)}

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("cv2")
-
 from deeplight.camera_response import decode
 from deeplight.frames import turned
 from deeplight.mappings.resample import sample_latlong
 from lab.pans import Pan, Sweep, Troubles, film_pan
+
+pytestmark = pytest.mark.needs("cv2")
 
 IDEAL = Troubles(shake_rad=0.0, response=False)
 SWEEP = Sweep(frames=4, pitches_deg=(-10.0, 30.0))

@@ -1,13 +1,10 @@
-# ruff: noqa: E402
 """The rivals of section 4.3: made-up skies come back, and each learns eight examples by heart."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("scipy")
-torch = pytest.importorskip("torch")
+import torch
 
 from deeplight.camera_response import LUMINANCE
 from deeplight.dataset import open_dataset
@@ -21,6 +18,8 @@ from deeplight.evaluate.rivals.training import PRESETS, load_rival, smaller, tra
 from deeplight.frames import normalised, rotation, turned
 from deeplight.mappings import latlong
 from toy_data import write_toy_data
+
+pytestmark = pytest.mark.needs("scipy")
 
 
 def towards(elevation_deg: float, azimuth_deg: float) -> np.ndarray:

@@ -1,12 +1,9 @@
 """Weights on a grid of integers: on the grid, and nearer to the layer's old output than nearest."""
 
-import pytest
+import torch
+from torch import nn
 
-torch = pytest.importorskip("torch")
-
-from torch import nn  # noqa: E402
-
-from deeplight.deploy.rounding import LEVELS, nearest, round_weights, scales  # noqa: E402
+from deeplight.deploy.rounding import LEVELS, nearest, round_weights, scales
 
 
 def network():

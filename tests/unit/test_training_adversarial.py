@@ -5,20 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
+from torch import nn
 
-torch = pytest.importorskip("torch")
-
-from torch import nn  # noqa: E402
-
-from deeplight.errors import ConfigError  # noqa: E402
-from deeplight.mappings.mirror_ball import coverage  # noqa: E402
-from deeplight.sphere import PAPER_RIG, SphereView  # noqa: E402
-from deeplight.training.adversary import Adversary  # noqa: E402
-from deeplight.training.augment import Inputs, turn_back  # noqa: E402
-from deeplight.training.config import TrainConfig  # noqa: E402
-from deeplight.training.devices import ALONE, fabric  # noqa: E402
-from deeplight.training.losses import RigBases, pixels_of, reconstruction_terms  # noqa: E402
-from deeplight.training.network.discriminator import (  # noqa: E402
+from deeplight.errors import ConfigError
+from deeplight.mappings.mirror_ball import coverage
+from deeplight.sphere import PAPER_RIG, SphereView
+from deeplight.training.adversary import Adversary
+from deeplight.training.augment import Inputs, turn_back
+from deeplight.training.config import TrainConfig
+from deeplight.training.devices import ALONE, fabric
+from deeplight.training.losses import RigBases, pixels_of, reconstruction_terms
+from deeplight.training.network.discriminator import (
     AdversarialConfig,
     Discriminator,
     clean_plate,

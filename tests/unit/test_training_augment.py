@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from deeplight.preprocess import normalise  # noqa: E402
-from deeplight.training.augment import AugmentConfig, augment, prepare, turn_back  # noqa: E402
+from deeplight.preprocess import normalise
+from deeplight.training.augment import AugmentConfig, augment, prepare, turn_back
 
 
 @pytest.fixture

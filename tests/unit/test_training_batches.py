@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from deeplight.training.data import Batch, Order, StepIndices, take  # noqa: E402
+from deeplight.training.data import Batch, Order, StepIndices, take
 
 
 @pytest.mark.parametrize("count", [7, 32, 100])

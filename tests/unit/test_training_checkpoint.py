@@ -1,15 +1,13 @@
 """Checkpoints come back as they were written, and only whole."""
 
 import pytest
+import torch
+from safetensors import SafetensorError
+from torch import nn
 
-torch = pytest.importorskip("torch")
-
-from safetensors import SafetensorError  # noqa: E402
-from torch import nn  # noqa: E402
-
-from deeplight.errors import ModelError  # noqa: E402
-from deeplight.training import checkpoint  # noqa: E402
-from deeplight.training.optimiser import MovingAverage  # noqa: E402
+from deeplight.errors import ModelError
+from deeplight.training import checkpoint
+from deeplight.training.optimiser import MovingAverage
 
 HEADER = checkpoint.Header(7, float("inf"), {"loss.form": "paper", "a.b": [1, 2]}, "abc")
 

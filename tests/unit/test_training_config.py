@@ -6,8 +6,6 @@ from dataclasses import asdict
 
 import pytest
 
-pytest.importorskip("torch")
-
 from deeplight.errors import ConfigError
 from deeplight.report.run_record import write_run_toml
 from deeplight.sphere import SPHERES

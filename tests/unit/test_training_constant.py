@@ -1,13 +1,11 @@
 """The constant lighting is the best constant answer."""
 
 import numpy as np
-import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from deeplight.camera_response import CameraResponse  # noqa: E402
-from deeplight.training.constant import fit_log_radiance  # noqa: E402
-from deeplight.training.losses import LossConfig, RigBases  # noqa: E402
+from deeplight.camera_response import CameraResponse
+from deeplight.training.constant import fit_log_radiance
+from deeplight.training.losses import LossConfig, RigBases
 
 
 def toy_bases():

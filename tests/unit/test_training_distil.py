@@ -5,18 +5,18 @@ import math
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("safetensors")
+from deeplight.errors import ConfigError, ModelError
+from deeplight.training.augment import Inputs
+from deeplight.training.distil import lit_l1, lit_share, resized
+from deeplight.training.losses import LossTerms
+from deeplight.training.network.generator import Generator, NetworkConfig
+from deeplight.training.presets import preset
+from deeplight.training.slim import least_squares, principal, start_from
+from deeplight.training.teacher import Teacher
 
-from deeplight.errors import ConfigError, ModelError  # noqa: E402
-from deeplight.training.augment import Inputs  # noqa: E402
-from deeplight.training.distil import lit_l1, lit_share, resized  # noqa: E402
-from deeplight.training.losses import LossTerms  # noqa: E402
-from deeplight.training.network.generator import Generator, NetworkConfig  # noqa: E402
-from deeplight.training.presets import preset  # noqa: E402
-from deeplight.training.slim import least_squares, principal, start_from  # noqa: E402
-from deeplight.training.teacher import Teacher  # noqa: E402
+pytestmark = pytest.mark.needs("safetensors")
 
 SMALL = {"latent_size": 16, "decoder_widths": (8, 8), "output_size": 16}
 PLAIN = {"encoder_norm": "none", "decoder_norm": "none"}

@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from deeplight.mappings.mirror_ball import coverage  # noqa: E402
-from deeplight.sphere import PAPER_RIG, Rig, SphereView  # noqa: E402
-from deeplight.training.data import Batch  # noqa: E402
-from deeplight.training.fitted import fit, fit_all, principal_components  # noqa: E402
-from deeplight.training.losses import LossConfig, RigBases, pixels_of  # noqa: E402
-from deeplight.training.network.generator import Generator, NetworkConfig, fold_batch_norm  # noqa: E402
-from deeplight.training.optimiser import OptimiserConfig, make_optimiser, set_learning_rate  # noqa: E402
+from deeplight.mappings.mirror_ball import coverage
+from deeplight.sphere import PAPER_RIG, Rig, SphereView
+from deeplight.training.data import Batch
+from deeplight.training.fitted import fit, fit_all, principal_components
+from deeplight.training.losses import LossConfig, RigBases, pixels_of
+from deeplight.training.network.generator import Generator, NetworkConfig, fold_batch_norm
+from deeplight.training.optimiser import OptimiserConfig, make_optimiser, set_learning_rate
 
 SIZE = 8
 INSIDE = torch.tensor(coverage(SIZE) > 0.99)

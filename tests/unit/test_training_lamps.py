@@ -5,22 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from deeplight.contract import ModelContract  # noqa: E402
-from deeplight.deploy.onnx import export_onnx  # noqa: E402
-from deeplight.estimators.network import lamps_of  # noqa: E402
-from deeplight.estimators.onnx import OnnxEstimator  # noqa: E402
-from deeplight.lobe import lobe_on_ball  # noqa: E402
-from deeplight.mappings import mirror_ball  # noqa: E402
-from deeplight.training.model_file import load_network  # noqa: E402
-from deeplight.training.network.generator import (  # noqa: E402
+from deeplight.contract import ModelContract
+from deeplight.deploy.onnx import export_onnx
+from deeplight.estimators.network import lamps_of
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.lobe import lobe_on_ball
+from deeplight.mappings import mirror_ball
+from deeplight.training.model_file import load_network
+from deeplight.training.network.generator import (
     Generator,
     NetworkConfig,
     chroma,
 )
-from deeplight.training.slim import start_from  # noqa: E402
+from deeplight.training.slim import start_from
 
 SMALL = NetworkConfig(
     latent_size=32,

@@ -5,16 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from deeplight import camera_response  # noqa: E402
-from deeplight.errors import ConfigError  # noqa: E402
-from deeplight.io.basis_file import save_bases  # noqa: E402
-from deeplight.reflectance import ReflectanceBasis, analytic_basis  # noqa: E402
-from deeplight.sphere import PAPER_RIG, SPHERES, SphereView  # noqa: E402
-from deeplight.training.augment import turn_back  # noqa: E402
-from deeplight.training.losses import (  # noqa: E402
+from deeplight import camera_response
+from deeplight.errors import ConfigError
+from deeplight.io.basis_file import save_bases
+from deeplight.reflectance import ReflectanceBasis, analytic_basis
+from deeplight.sphere import PAPER_RIG, SPHERES, SphereView
+from deeplight.training.augment import turn_back
+from deeplight.training.losses import (
     LossConfig,
     RigBases,
     masked_l1,

@@ -2,36 +2,36 @@
 
 import numpy as np
 import pytest
+import torch
+from torch import nn
 
-torch = pytest.importorskip("torch")
-nn = torch.nn
-pytest.importorskip("onnxscript")
-
-from deeplight.contract import ModelContract  # noqa: E402
-from deeplight.dataset import SplitIndex  # noqa: E402
-from deeplight.deploy.onnx import export_onnx  # noqa: E402
-from deeplight.errors import ConfigError, ModelError  # noqa: E402
-from deeplight.estimators.onnx import OnnxEstimator  # noqa: E402
-from deeplight.preprocess import frame_photo, landscape_background, network_input  # noqa: E402
-from deeplight.training.checkpoint import Header  # noqa: E402
-from deeplight.training.config import changed, flatten  # noqa: E402
-from deeplight.training.data import ExampleBytes, refuse_other_size  # noqa: E402
-from deeplight.training.network.generator import (  # noqa: E402
+from deeplight.contract import ModelContract
+from deeplight.dataset import SplitIndex
+from deeplight.deploy.onnx import export_onnx
+from deeplight.errors import ConfigError, ModelError
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.preprocess import frame_photo, landscape_background, network_input
+from deeplight.training.checkpoint import Header
+from deeplight.training.config import changed, flatten
+from deeplight.training.data import ExampleBytes, refuse_other_size
+from deeplight.training.network.generator import (
     FEATURE_SIZE,
     PHOTO_SIZE,
     Generator,
     NetworkConfig,
     fold_batch_norm,
 )
-from deeplight.training.network.imagenet import load_imagenet  # noqa: E402
-from deeplight.training.network.mobilenet_v2 import (  # noqa: E402
+from deeplight.training.network.imagenet import load_imagenet
+from deeplight.training.network.mobilenet_v2 import (
     FEATURE_CHANNELS,
     STAGES,
     MobileNetV2Encoder,
     scaled,
 )
-from deeplight.training.presets import BASES, PRESETS, VARIANTS, preset  # noqa: E402
-from deeplight.training.release import contract_of  # noqa: E402
+from deeplight.training.presets import BASES, PRESETS, VARIANTS, preset
+from deeplight.training.release import contract_of
+
+pytestmark = pytest.mark.needs("onnxscript")
 
 
 def parameters(module):

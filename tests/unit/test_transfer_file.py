@@ -15,7 +15,7 @@ from deeplight.transfer.file import LAYOUT, decode, encode, read, write
 from deeplight.transfer.ground import Ground
 from deeplight.transfer.precompute import Transfer, TransferSettings, precompute
 
-pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
+pytestmark = pytest.mark.needs("embreex")
 
 
 @pytest.fixture(scope="module")

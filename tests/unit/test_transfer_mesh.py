@@ -9,13 +9,14 @@ from deeplight.transfer import mesh as transfer_mesh
 from deeplight.transfer.mesh import prepared
 from deeplight.transfer.precompute import TransferSettings, precompute
 
+pytestmark = pytest.mark.needs("embreex")
+
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 # Two triangles for each side of the cube, anticlockwise seen from outside.
 SIDES = np.array(
     [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 )
 
-pytest.importorskip("embreex", reason="needs the extra 'render' (embreex)")
 FACES = np.concatenate([SIDES[:, [0, 1, 2]], SIDES[:, [0, 2, 3]]])
 CUBE = Mesh(CORNERS * [3, 1, 1], FACES)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import pytest
 
 from deeplight.contract import CONTRACT_KEY, ModelContract
@@ -13,7 +14,6 @@ from deeplight.estimators import trial
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.open import open_model
 
-onnx = pytest.importorskip("onnx")
 CASES = Path(__file__).parents[3] / "shared" / "cases" / "hostile"
 SIZE = 4
 CONTRACT = ModelContract(width=6, height=8, output_size=SIZE)
