@@ -12,6 +12,7 @@ from PIL import Image
 from deeplight.cli.main import main
 from deeplight.io import lighting_file
 from deeplight.io.environment_file import load_lighting, read_environment
+from deeplight.io.photos import read_photo
 from deeplight.io.radiance import read_hdr, write_exr
 
 RESULTS = {".exr", ".json", ".preview.png"}
@@ -93,6 +94,24 @@ def test_the_photo_stands_in_its_environment(photos, estimate, tmp_path):
     assert rest.max() < 0.2 * whole.max()
     again = read_environment(tmp_path / "out/flat.json").radiance  # with its lamps, not twice
     np.testing.assert_allclose(again, whole, rtol=1e-4, atol=1e-6)
+
+
+def test_pixels_are_those_of_the_file_though_a_large_jpeg_is_read_smaller(
+    photos, estimate, tmp_path
+):
+    Image.new("RGB", (1800, 2400), (200, 100, 50)).save(photos / "large.jpg")
+    corner = ("--fov", 66, "--sun-at", 1800, 0, "--height", 64)
+    assert estimate(photos / "large.jpg", *corner) == 0
+    record = json.loads((tmp_path / "out/large.json").read_text())
+    assert read_photo(photos / "large.jpg", 896).reduced_from == (2400, 1800)
+    assert (record["photo"]["width"], record["photo"]["height"]) == (1800, 2400)
+    used = record["framing"]["seen_by_the_network"]
+    assert used["top"] == pytest.approx(0, abs=1)
+    assert used["bottom"] == pytest.approx(0.8 * 2400, abs=2)
+    right, up, back = record["sun"]["direction"]
+    assert (right / -back, up / -back) == pytest.approx(
+        (0.75 * np.tan(np.radians(33)), np.tan(np.radians(33))), rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("words", [["--height", 63], ["--light-only", "--lamps-apart"]])

@@ -6,7 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from deeplight.errors import ConfigError, ImageFileError, InputError
-from deeplight.estimators.environment import HEIGHT, SceneLight, check_height, scene_light
+from deeplight.estimators.environment import (
+    HEIGHT,
+    SceneLight,
+    check_height,
+    pixels_for,
+    scene_light,
+)
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.results import OutputSpec, write_results
 from deeplight.estimators.sources import Source, find_sources
@@ -132,7 +138,7 @@ def _estimated(
 ) -> SourceDone:
     """Estimate a photo or every frame of a video, and write the results."""
     done = SourceDone(source, 0, (), (), ())
-    for stem, photo in source.photos():
+    for stem, photo in source.photos(pixels_for(settings.height)):
         estimate = estimator.explain(photo, settings.fov_deg)
         scene, sun, notes = _lit(estimate, settings)
         try:

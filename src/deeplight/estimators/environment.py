@@ -10,7 +10,7 @@ from jaxtyping import Float32, UInt8
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError
 from deeplight.estimators.lamps import find_lamps
-from deeplight.estimators.network import Estimate
+from deeplight.estimators.network import NETWORK_SIDE, Estimate
 from deeplight.estimators.projection import ImagePlane, project_photo
 from deeplight.estimators.surroundings import MAP_ROWS, adapted, enlarged, smooth_map
 from deeplight.lamp import Lamp, draw_lamps
@@ -18,6 +18,8 @@ from deeplight.lighting import Lighting
 
 HEIGHT = 256
 """Rows of an environment unless another number is asked for."""
+PIXELS_PER_ROW = 3.5
+"""Of the photo's longer side, for each row of the environment: twice what its texels need."""
 HEIGHTS = (64, 2048)
 """The fewest and the most; a number between them must be a multiple of 2, for quarter turns."""
 
@@ -39,7 +41,9 @@ class SceneLight:
     @cached_property
     def environment(self) -> Environment:
         """Everything in one panorama, each lamp at its place and size."""
-        return Environment(self.rest + draw_lamps(self.lamps, len(self.rest)), self.seen)
+        lamps = draw_lamps(self.lamps, len(self.rest))
+        lamps += self.rest
+        return Environment(lamps, self.seen)
 
 
 def scene_light(estimate: Estimate, height: int = HEIGHT) -> SceneLight:
@@ -57,6 +61,11 @@ def scene_light(estimate: Estimate, height: int = HEIGHT) -> SceneLight:
     height_px, width_px, _ = pixels.shape
     plane = ImagePlane.centred(height_px, width_px, fov)
     return assemble(estimate.lighting, pixels, plane, height, estimate.lamps)
+
+
+def pixels_for(height: int) -> int:
+    """Pixels along a photo's longer side that an environment of `height` rows needs."""
+    return max(round(PIXELS_PER_ROW * height), NETWORK_SIDE)
 
 
 def check_height(height: int) -> None:

@@ -9,12 +9,6 @@ from deeplight.errors import InputError
 if TYPE_CHECKING:
     from deeplight.estimators.network import NetworkEstimator
 
-PIXELS_PER_ROW = 3.5
-"""Of the photo's longer side, for each row of the environment: twice what its texels need."""
-
-LEAST_ROWS = 256
-"""Rows below which a photo is not reduced further: the network looks at it too."""
-
 BATCH = 16
 """Photos that the network sees at once; more make it no faster."""
 
@@ -82,6 +76,7 @@ def estimate_many(
     Raises:
         InputError, OSError: a photo cannot be used, and there is no `on_error`.
     """
+    from deeplight.estimators.environment import pixels_for
     from deeplight.io.photo_like import as_photo
 
     network = estimator or load_estimator()
@@ -98,7 +93,7 @@ def estimate_many(
     for number, photo in enumerate(photos):
         results.append(None)
         try:
-            batch.append((number, as_photo(photo, _pixels_for(height))))
+            batch.append((number, as_photo(photo, pixels_for(height))))
         except (InputError, OSError) as error:
             if on_error is None:
                 raise
@@ -131,18 +126,13 @@ def load_estimator(model: Any = None, threads: int | None = None) -> "NetworkEst
     return _default[0]
 
 
-def _pixels_for(height: int) -> int:
-    """Pixels along a photo's longer side that an environment of `height` rows needs."""
-    return round(PIXELS_PER_ROW * max(height, LEAST_ROWS))
-
-
 def _environments(
     network: "NetworkEstimator", photos: list[Any], fov_deg: float | None, height: int
 ) -> list[Environment]:
-    from deeplight.estimators.environment import check_height, scene_light
+    from deeplight.estimators.environment import check_height, pixels_for, scene_light
     from deeplight.io.photo_like import as_photo
 
     check_height(height)
-    opened = [as_photo(photo, _pixels_for(height)) for photo in photos]
+    opened = [as_photo(photo, pixels_for(height)) for photo in photos]
     explained = network.explain_many(opened, fov_deg)
     return [scene_light(estimate, height).environment for estimate in explained]

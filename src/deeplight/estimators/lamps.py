@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from deeplight.camera_response import LUMINANCE
-from deeplight.estimators.projection import ProjectedPhoto, smoothstep
+from deeplight.estimators.projection import ProjectedPhoto, brightest, smoothstep
 from deeplight.frames import normalised
 from deeplight.harmonics import dominant_light
 from deeplight.lamp import Lamp, draw_lamps
@@ -126,7 +126,7 @@ class ClippedArea:
     def lamp(self, flux: Float32[np.ndarray, "3"]) -> Lamp | None:
         """The lamp that this area is, with that flux; None where it is no small round spot."""
         lamp = Lamp(self.direction, flux, max(self.radius_rad, np.pi / len(self.mask) / 2))
-        disc = draw_lamps([lamp], len(self.mask)).sum(-1)
+        disc = draw_lamps([lamp], len(self.mask))
         is_round = disc[self.mask].sum() > ROUND * disc.sum()
         return lamp if is_round and self.radius_rad <= LARGEST_LAMP_RAD else None
 
@@ -219,7 +219,9 @@ def find_lamps(lighting: Lighting, photo: ProjectedPhoto, own: Sequence[Lamp] = 
     parts = _parts(lighting, own)
     rest = parts[-1].rest if parts else lighting
     least = LEAST_SHARE * float(lighting.power() @ LUMINANCE)
-    shown = clipped_areas(photo.clipped.max(-1) * (photo.seen > 0.5))
+    clipped = np.zeros_like(photo.seen)
+    clipped[photo.box] = brightest(photo.clipped[photo.box]) * (photo.seen[photo.box] > 0.5)
+    shown = clipped_areas(clipped)
     lamps, fluxes = [], np.zeros((len(shown), 3))
     for part in parts:
         nearest = _nearest_area(part, shown)
@@ -238,29 +240,46 @@ def find_lamps(lighting: Lighting, photo: ProjectedPhoto, own: Sequence[Lamp] = 
         if lamp is not None:
             lamps.append(lamp)
         else:
-            areas += _raised(area, flux, photo)
+            areas[photo.box] += _raised(area, flux, photo)
     lamps.sort(key=lambda lamp: -lamp.luminous_flux)
     return FoundLamps(tuple(lamps), areas, rest)
 
 
 def _raised(
     area: ClippedArea, flux: Float32[np.ndarray, "3"], photo: ProjectedPhoto
-) -> Float32[np.ndarray, "height width 3"]:
-    """A flux spread over a clipped area, fading into what is bright around it: no hard outline."""
+) -> Float32[np.ndarray, "rows columns 3"]:
+    """A flux spread over a clipped area, fading into what is bright around it: no hard outline.
+
+    Within the photo's box.
+    """
     height, width = area.mask.shape
-    near: np.ndarray = area.mask.astype(np.float32)
+    near: np.ndarray = area.mask[photo.box].astype(np.float32)
     for shift in (1, 2, 4):
         step = max(1, round(shift * height / 256))
         for axis in (0, 1):
-            neighbours = np.roll(near, step, axis) + np.roll(near, -step, axis)
-            near = (neighbours * np.float32(0.25) + near * np.float32(0.5)).astype(np.float32)
+            near = _spread_along(near, step, axis)
     low, high = _BRIGHT
-    bright = smoothstep((photo.radiance.max(-1) - low) / (high - low))
-    weight = near * bright * photo.seen
-    total = float((weight * latlong.solid_angles(height, width)).sum())
+    bright = smoothstep((brightest(photo.radiance[photo.box]) - low) / (high - low))
+    weight = near * bright * photo.seen[photo.box]
+    total = float((weight * latlong.solid_angles(height, width)[photo.box]).sum())
     if total <= 0:
-        weight, total = area.mask.astype(np.float32), area.solid_angle
+        weight, total = area.mask[photo.box].astype(np.float32), area.solid_angle
     result: np.ndarray = weight[..., None] * (flux / np.float32(total))
+    return result
+
+
+def _spread_along(
+    values: Float32[np.ndarray, "rows columns"], step: int, axis: int
+) -> Float32[np.ndarray, "rows columns"]:
+    """Weights 1 2 1 at a distance of `step`; beyond the end there is nothing."""
+    result = values * np.float32(0.5)
+    from_start, from_end = (slice(step, None), slice(None, -step))
+    if axis:
+        result[:, from_start] += values[:, from_end] * np.float32(0.25)
+        result[:, from_end] += values[:, from_start] * np.float32(0.25)
+    else:
+        result[from_start] += values[from_end] * np.float32(0.25)
+        result[from_end] += values[from_start] * np.float32(0.25)
     return result
 
 
@@ -295,7 +314,7 @@ def _unseen_direction(
 
     What the photo shows and does not show clipped is no lamp.
     """
-    seen = resample.shrink(photo.seen[..., None], 64, 128)[..., 0]
+    seen = _shrunk(photo.seen)
     directions = latlong.directions(64, 128)
     outside = 1 - _looked_up(seen, excess.directions)
     luminous = flux @ LUMINANCE
@@ -305,6 +324,15 @@ def _unseen_direction(
         return direction
     cosine = np.where(seen < _UNSEEN, directions @ direction.astype(np.float32), -2)
     return normalised(directions[np.unravel_index(cosine.argmax(), seen.shape)].astype(np.float64))
+
+
+def _shrunk(seen: Float32[np.ndarray, "height width"]) -> Float32[np.ndarray, "64 128"]:
+    """How much is seen of each of fewer texels."""
+    height, width = seen.shape
+    if height % 64:
+        return resample.shrink(seen[..., None], 64, 128)[..., 0]
+    result: np.ndarray = seen.reshape(64, height // 64, 128, width // 128).mean((1, 3))
+    return result
 
 
 def _looked_up(

@@ -24,6 +24,7 @@ from deeplight.io.lighting_file import (
     seen_record,
 )
 from deeplight.io.photos import write_png
+from deeplight.preprocess import frame_photo
 
 FULL_DISK_BYTES = 2**22
 """With less room than this left, a failed write is put down to a full disk."""
@@ -137,8 +138,10 @@ def _moved(files: list[Path], folder: Path) -> list[Path]:
 
 def _facts(estimate: Estimate, estimator: NetworkEstimator) -> dict[str, Any]:
     """Give the JSON entries that say where the light comes from."""
-    framing = estimate.framing
-    source = estimate.photo.source
+    used, source = estimate.framing, estimate.photo.source
+    fov, (height, width) = used.vertical_fov_rad, estimate.photo.full_size
+    # The photo may have been read smaller; users speak of the pixels in their file.
+    framing = frame_photo(height, width, fov, used.fov_source, estimator.contract)
     return {
         "contract_version": estimator.contract.version,
         "model": {

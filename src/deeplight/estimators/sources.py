@@ -24,15 +24,18 @@ class Source:
     path: Path
     stem: str
 
-    def photos(self) -> Iterator[tuple[str, Photo]]:
+    def photos(self, max_side: int | None = None) -> Iterator[tuple[str, Photo]]:
         """Read the photo, or the video's frames one by one, each with the name of its results.
+
+        Args:
+            max_side: of a photo, as `read_photo` takes it.
 
         Raises:
             OSError: the file cannot be read.
             InputError: it is no photo or video, or damaged; for a video raised where it is met.
         """
         if not is_video(self.path):
-            yield self.stem, read_photo(self.path)
+            yield self.stem, read_photo(self.path, max_side)
             return
         for index, photo in enumerate(frames(self.path)):
             yield f"{self.stem}_{index:06d}", photo

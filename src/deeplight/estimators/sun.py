@@ -99,7 +99,7 @@ class SunHint:
         """The sun of one photo."""
         if self.angles_deg is not None:
             return sun_at_angles(*self.angles_deg)
-        height, width, _ = estimate.photo.pixels.shape
+        height, width = estimate.photo.full_size
         camera = PinholeCamera(width, height, estimate.framing.vertical_fov_rad)
         if self.pixel is not None:
             return sun_at_pixel(camera, *self.pixel)

@@ -99,11 +99,15 @@ def adapted(
     middle = normalised(directions.mean(0))
     farthest = np.arccos((directions @ middle).min().clip(-1, 1)) + REACH_RAD
     near = np.flatnonzero(texels @ middle.astype(np.float32) > np.cos(min(farthest, np.pi)))
-    cosine = np.clip(texels[near] @ directions.T.astype(np.float32), -1, 1)
-    squared = 2 - 2 * cosine  # the chord's: as good as the angle's, and cheaper
+    # The chord is as good as the angle, and cheaper; in place, since these are a million numbers.
+    squared = texels[near] @ (-2 * directions.T).astype(np.float32)
+    squared += 2
+    away = 2 * np.arcsin(np.sqrt(squared.min(1).clip(0, 4)) / 2)
     spacing = plane.shorter / _RING_CELLS
-    weight = 1 / (squared + np.float32(spacing**2 / 4)) ** 1.5
-    away = 2 * np.arcsin(np.sqrt(squared.min(1)) / 2)
+    squared += np.float32(spacing**2 / 4)
+    weight = np.sqrt(squared)
+    weight *= squared
+    np.reciprocal(weight, out=weight)
     fade = smoothstep(1 - away / REACH_RAD)[:, None]
     mean = (weight @ ratio.astype(np.float32)) / weight.sum(1, keepdims=True)
     factor = np.ones((rows * columns, 3), np.float32)

@@ -57,12 +57,17 @@ class Exif:
             return self.focal_length_mm * self.focal_plane_x_resolution / unit_mm * shrunk
         return None
 
+    @property
+    def is_on_its_side(self) -> bool:
+        """Whether stored rows are columns of the upright photo."""
+        return self.orientation in (5, 6, 7, 8)
+
     def vertical_fov_rad(self, stored_width: int, stored_height: int) -> float | None:
         """Give the upright picture's vertical field of view, None if unknown or implausible."""
         focal = self.focal_length_px(stored_width, stored_height)
         if focal is None or not math.isfinite(focal):
             return None
-        upright_height = stored_width if self.orientation in (5, 6, 7, 8) else stored_height
+        upright_height = stored_width if self.is_on_its_side else stored_height
         fov = 2 * math.atan(upright_height / 2 / focal)
         return fov if PLAUSIBLE_FOV_RAD[0] <= fov <= PLAUSIBLE_FOV_RAD[1] else None
 

@@ -38,6 +38,8 @@ from deeplight.io.raw import develop, is_raw
 logging.getLogger("PIL").addHandler(logging.NullHandler())
 
 MAX_PHOTO_PIXELS = 100_000_000
+MIN_SIDE = 32
+"""Shortest side in pixels of a photo; less shows no scene to estimate light from."""
 
 MID_GREY = 118
 """sRGB of an 18 % reflector: what a metered camera makes of an unknown scene."""
@@ -107,8 +109,8 @@ def decode_reduced(path: Path, start: bytes, max_side: int) -> tuple[Stored, int
         longest = max(width, height)
         if picture.mode not in ("L", "RGB") or longest < 2 * max_side:
             return None
-        wanted = (max(1, width * max_side // longest), max(1, height * max_side // longest))
-        picture.draft(picture.mode, wanted)
+        wanted = [max(MIN_SIDE, side * max_side // longest) for side in (width, height)]
+        picture.draft(picture.mode, (wanted[0], wanted[1]))
         return stored_of_pillow(picture), width, height
 
 

@@ -4,6 +4,7 @@ Files, bytes and Pillow's images go through `io.photos`, so that orientation, fi
 transparency and colour are decided in one place.
 """
 
+from dataclasses import replace
 from functools import partial
 from io import BufferedIOBase, RawIOBase
 from pathlib import Path
@@ -15,7 +16,8 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from deeplight.errors import ImageFileError, InputError, ShapeError
-from deeplight.io.photos import MIN_SIDE, Photo, photo_of_pillow, read_photo
+from deeplight.io.photo_decoders import MIN_SIDE
+from deeplight.io.photos import Photo, photo_of_pillow, read_photo
 
 PhotoLike = Photo | Path | str | bytes | BinaryIO | np.ndarray | Image.Image
 """A photo: read already; a file's path, its bytes or an open file; Pillow's image; pixels, (height,
@@ -70,7 +72,7 @@ def _nameless(path: Path, read: Any) -> Photo:
     except InputError as error:
         got = error.got.replace(str(path), "the picture")
         raise ImageFileError(error.expected, got, error.do) from error
-    return Photo(photo.pixels, None, photo.vertical_fov_rad, photo.notes)
+    return replace(photo, source=None)
 
 
 def _of_tensor(tensor: Any) -> np.ndarray:

@@ -15,15 +15,13 @@ from deeplight.io.boundary import reading, reads
 from deeplight.io.exif import upright
 from deeplight.io.image_file import first_bytes
 from deeplight.io.photo_decoders import (
+    MIN_SIDE,
     Stored,
     decode_photo,
     decode_reduced,
     stored_of_pillow,
 )
 from deeplight.io.raw import RAW_SUFFIXES
-
-MIN_SIDE = 32
-"""Shortest side in pixels of a photo; less shows no scene to estimate light from."""
 
 PHOTO_SUFFIXES = frozenset(
     ".avif .bmp .gif .heic .heif .jfif .jp2 .jpeg .jpg .jxl .png .tif .tiff .webp".split()
@@ -40,12 +38,20 @@ class Photo:
         source: the file it came from, None for pixels made in memory.
         vertical_fov_rad: of the upright photo, from EXIF; None where EXIF does not say.
         notes: what reading had to decide, one short line each, to be shown to the user.
+        reduced_from: height and width of the upright photo in its file, where `pixels` are fewer.
     """
 
     pixels: UInt8[np.ndarray, "height width 3"]
     source: Path | None = None
     vertical_fov_rad: float | None = None
     notes: tuple[str, ...] = ()
+    reduced_from: tuple[int, int] | None = None
+
+    @property
+    def full_size(self) -> tuple[int, int]:
+        """Height and width of the upright photo in its file: what users' pixels are of."""
+        height, width, _ = self.pixels.shape
+        return self.reduced_from or (height, width)
 
 
 @reads
@@ -101,11 +107,17 @@ def _upright(
             f"{name} of {width} x {height}",
         )
         raise ImageFileError(expected, got, "use a larger photo")
+    pixels = upright(stored.pixels, stored.exif.orientation)
+    reduced_from = None
+    if whole is not None:
+        on_its_side = stored.exif.is_on_its_side
+        reduced_from = whole if on_its_side else whole[::-1]
     return Photo(
-        pixels=upright(stored.pixels, stored.exif.orientation),
+        pixels=pixels,
         source=path,
         vertical_fov_rad=stored.exif.vertical_fov_rad(*(whole or (width, height))),
         notes=stored.notes,
+        reduced_from=reduced_from,
     )
 
 

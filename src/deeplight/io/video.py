@@ -14,7 +14,8 @@ from jaxtyping import UInt8
 from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io.boundary import reading
 from deeplight.io.image_file import check_size, damaged, first_bytes
-from deeplight.io.photos import MIN_SIDE, Photo
+from deeplight.io.photo_decoders import MIN_SIDE
+from deeplight.io.photos import Photo
 from deeplight.io.video_frame import TRANSFERS, Appearance, Picture
 
 if TYPE_CHECKING:
