@@ -195,7 +195,7 @@ def _ball(session: Session, radiance: np.ndarray) -> Lighting:
 def _oracle(case: Case, session: Session, found: Environment) -> Lighting:
     seen = _parts(session)[2]
     frame = resample.turned_latlong(
-        seen.clipped[..., None].astype(np.float32), session.views[0].world_from_camera.T
+        (seen.clipped > 0)[..., None].astype(np.float32), session.views[0].world_from_camera.T
     )
     true = resample.shrink_latlong(case.pan.truth(), ROWS)
     return Lighting.from_latlong(np.where(frame > 0.5, true, found.radiance).astype(np.float32))

@@ -99,7 +99,7 @@ def test_clipped_lamps_get_the_power_that_the_estimates_have() -> None:
     found = gathered(filmed, estimate=bright).environment(height=HEIGHT)
     weight = latlong.solid_angles(HEIGHT, 2 * HEIGHT)[..., None]
     power = (found.radiance * weight).sum((0, 1))
-    np.testing.assert_allclose(power, 1.3 * 0.8 * 4 * np.pi, rtol=0.1)
+    np.testing.assert_allclose(power, 1.2 * 0.8 * 4 * np.pi, rtol=0.1)
     brightest = latlong.directions(HEIGHT, 2 * HEIGHT)[found.radiance.max(-1) > 3]
     wanted = latlong.directions(128, 256)[55, 0, 1]
     assert np.abs(brightest @ filmed.frames[0].rotation[1] - wanted).max() < 0.16

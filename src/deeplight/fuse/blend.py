@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
 
 from deeplight.frames import turned
 from deeplight.fuse.view import CLIPPED, View, cell_of, feather, inside
@@ -23,12 +23,13 @@ class Seen:
     Attributes:
         radiance: linear, in the first view's unit; 0 where nothing was seen.
         share: how much each texel was seen, 0 to 1.
-        clipped: every view that saw it clipped there: radiance is a lower bound.
+        clipped: share of the channels that clip in every view that saw them: there, radiance is a
+            lower bound.
     """
 
     radiance: Float32[np.ndarray, "height width 3"]
     share: Float32[np.ndarray, "height width"]
-    clipped: Bool[np.ndarray, "height width"]
+    clipped: Float32[np.ndarray, "height width"]
 
 
 def blended(
@@ -66,7 +67,9 @@ def blended(
     radiance = np.where(above.weight > 0, above.mean(), radiance)
     clipped_all = (above.weight == 0) & (bound_weight >= below.weight) & (bound > 0)
     return Seen(
-        radiance.reshape(*shape, 3), share.reshape(shape), clipped_all.any(-1).reshape(shape)
+        radiance.reshape(*shape, 3),
+        share.reshape(shape),
+        clipped_all.mean(-1, dtype=np.float32).reshape(shape),
     )
 
 

@@ -7,7 +7,8 @@ lacks stands as one lobe where it is brightest: maps as logarithms, lamps as lam
 
 A clipped pixel says only how much light there is at least. The estimates' power, less all that is
 known to come from elsewhere, is what lamps must have for things to be lit as the network sees them
-lit; the clipped pixels get it, channel by channel, most where the estimates are bright, too.
+lit; the clipped pixels get it, channel by channel, most where all channels clip (a coloured surface
+clips in one; a lamp in all) and where the estimates are bright, too.
 docs/fuse.md has the measurements behind each choice.
 """
 
@@ -28,9 +29,9 @@ ESTIMATE_ROWS = 64
 BRIGHTEST = 30.0
 """Clipped pixels get at most this many times the bound's power."""
 _LEVEL = 0.5  # sine of the pitch at which an estimate's power counts 1 / e
-_DIM = 1.3  # what estimates lack: found on the validation places' pans, see docs/fuse.md
+_DIM = 1.2  # what estimates lack: found on the validation places' pans, see docs/fuse.md
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
-_LOBE_KAPPA = 20.0  # of the lobe of lost power: 18 degrees
+_LOBE_KAPPA = 250.0  # of the lobe of lost power: 5 degrees, a lamp and no glow
 _FIND_KAPPA = 12.0  # width in which the brightest place is looked for
 _FIND_ROWS = 32
 
@@ -163,13 +164,13 @@ def _with_lamps(
     height = len(radiance)
     solid_angle = latlong.solid_angles(height, 2 * height)
     power = np.einsum("hwc,hw->c", radiance, solid_angle)
-    bound = np.einsum("hwc,hw->c", radiance, solid_angle * seen.clipped)
+    bound = np.einsum("hwc,hw->c", radiance, solid_angle * (seen.clipped > 0))
     missing = np.maximum(whole - power, 0)
     total = float((whole - power) @ LUMINANCE)
     if total <= 0 or not missing.any():
         return radiance
     total = min(total, BRIGHTEST * float(bound @ LUMINANCE))
-    share = np.where(seen.clipped, (radiance @ LUMINANCE) * (mean @ LUMINANCE) ** 2, 0)
+    share = seen.clipped**3 * (radiance @ LUMINANCE) * (mean @ LUMINANCE) ** 2
     share = share / (share * solid_angle).sum()
     colour = missing / (missing @ LUMINANCE)
     result: np.ndarray = radiance + share[..., None] * (colour * total)
