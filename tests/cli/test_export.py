@@ -123,3 +123,57 @@ def test_no_model_is_one_line(tmp_path, capfd):
 def test_without_the_converter_its_extra_is_reported(tiny, tmp_path, capfd):
     assert main(["export", str(tiny), "--out", str(tmp_path / "a.tflite")]) == 2
     assert 'pip install ".[tflite]"' in capfd.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def averaged(tiny, tmp_path_factory):
+    """A network with lamps and one without, with flips, in one file; and the two as networks."""
+    import torch
+
+    torch.manual_seed(0)
+    config = preset("lamps-width035", ["network.output_size=16", "network.latent_size=16"])
+    generator = Generator(config.network).eval()
+    folder = tmp_path_factory.mktemp("averaged")
+    header = checkpoint.Header(5, 0.1, flatten(config), "abc")
+    checkpoint.save(folder / "run" / checkpoint.BEST, header, generator=generator.state_dict())
+    parts = [str(folder / "run"), str(tiny)]
+    out = folder / "both.onnx"
+    assert main(["export", *parts, "--flips", "--out", str(out)]) == 0
+    return OnnxEstimator(out), generator, load_network(tiny)[0]
+
+
+def test_several_networks_answer_with_the_mean_of_their_radiance(averaged):
+    import torch
+
+    estimator, *networks = averaged
+    with torch.no_grad():
+        photo = torch.from_numpy(photos())
+        answers = [n(photo).exp() for n in networks]
+        answers += [n(photo.flip(-1)).exp().flip(-1) for n in networks]
+    expected = torch.stack(answers).mean(0).permute(0, 2, 3, 1).numpy()
+    found = np.exp(estimator.estimate_inputs(photos()))
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    # The twin that must fail: one part alone.
+    assert np.abs(found / answers[0].permute(0, 2, 3, 1).numpy() - 1).max() > 0.1
+
+
+def test_with_flips_a_mirrored_photo_has_mirrored_light_and_lamps(averaged):
+    estimator = averaged[0]
+    light, lamps = estimator.estimate_with_lamps(photos())
+    mirrored, their_lamps = estimator.estimate_with_lamps(photos()[..., ::-1])
+    np.testing.assert_allclose(mirrored, light[:, :, ::-1], atol=1e-4)
+    assert len(lamps[0]) == estimator.contract.lamps == 2 * 3
+    for own, theirs in zip(lamps[0], their_lamps[0], strict=True):
+        assert own.luminous_flux == pytest.approx(theirs.luminous_flux, rel=1e-3)
+    strongest = max(lamps[0], key=lambda lamp: lamp.luminous_flux).direction * [-1, 1, 1]
+    assert max(strongest @ lamp.direction for lamp in their_lamps[0]) > 1 - 1e-4
+
+
+def test_an_average_is_no_part_of_another(averaged, tmp_path, capfd):
+    again = ["export", str(averaged[0].path), "--out", str(tmp_path / "a.onnx")]
+    assert main(again) == 2
+    assert "the mean of several" in capfd.readouterr().err
+    parts = [str(averaged[0].path.parent / "run")] * 2
+    assert main(["export", *parts, "--out", str(tmp_path / "a.tflite")]) == 2
+    assert "for TFLite" in capfd.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -3,6 +3,8 @@
 deeplight export runs/mine --out mine.onnx --precision float16
 
 deeplight export mine.onnx --format tflite --precision int8 --calibrate data/sim --out mine.tflite
+
+deeplight export runs/a runs/b --flips --precision float16 --out both.onnx
 """
 
 from dataclasses import dataclass
@@ -16,8 +18,9 @@ import tyro
 class Args:
     """Options of `deeplight export`."""
 
-    model: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
-    """Folder of a training run, a best.safetensors, or an .onnx of deeplight."""
+    models: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="MODEL...")]
+    """Folder of a training run, a best.safetensors, or an .onnx of deeplight. Several become one
+    .onnx that answers with the mean of their radiance."""
     out: Path
     """File to write."""
     format: Literal["onnx", "tflite"] | None = None
@@ -33,6 +36,9 @@ class Args:
     """Of a run: what it was trained on, in words; the file keeps them."""
     without_colour: bool = False
     """Leave out the photo's colour (network.colour) that a run learnt to add to the light's."""
+    flips: bool = False
+    """Answer the mirrored photo as well, in the same file, and take the mean: twice the work, and
+    a photo and its mirror image have mirrored light."""
 
 
 def run(args: Args) -> None:
@@ -43,7 +49,7 @@ def run(args: Args) -> None:
     console = results_console()
     with console.status("exporting"):
         contract = write_network(
-            args.model,
+            args.models,
             args.out,
             args.format,
             args.precision,
@@ -51,6 +57,7 @@ def run(args: Args) -> None:
             args.photos,
             args.trained_on,
             args.without_colour,
+            args.flips,
         )
     size = args.out.stat().st_size / 1e6
     console.print(

@@ -1,20 +1,25 @@
 """From a trained network to the file that estimates: ONNX or TFLite, with its contract."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float32
 
 from deeplight.contract import ModelContract
 from deeplight.deploy.precision import Precision
-from deeplight.errors import ConfigError
+from deeplight.errors import ConfigError, ModelError
+
+if TYPE_CHECKING:
+    from torch import nn
 
 FORMATS = {".onnx": "onnx", ".tflite": "tflite"}
 
 
 def write_network(
-    model: Path,
+    model: Path | Sequence[Path],
     out: Path,
     kind: str | None = None,
     precision: Precision = "float32",
@@ -22,11 +27,13 @@ def write_network(
     photos: int = 128,
     trained_on: str = "",
     without_colour: bool = False,
+    flips: bool = False,
 ) -> ModelContract:
     """Write a trained network to `out`; gives the contract in the file.
 
     Args:
-        model: folder of a training run, a best.safetensors, or an .onnx of ours.
+        model: folder of a training run, a best.safetensors, or an .onnx of ours; several of them
+            become one file that answers with the mean of their radiance (ONNX only).
         out: file to write.
         kind: onnx or tflite; left out, the suffix of `out` decides.
         precision: float32, float16, int8-weights or int8; the last two are TFLite's.
@@ -34,16 +41,17 @@ def write_network(
         photos: number of them.
         trained_on: what a run was trained on, in words; the file keeps them.
         without_colour: leave out what a run learnt of the photo's colour (`network.colour`).
+        flips: answer the mirrored photo too and take the mean, at twice the cost (ONNX only).
 
     Raises:
         InputError: the model, the settings or the data set cannot be used.
     """
+    models = [model] if isinstance(model, Path) else list(model)
     form = _format_of(out, kind, precision, calibrate is not None)
-    from deeplight.training.model_file import load_network
-
-    generator, contract = load_network(model, trained_on)
-    if without_colour:
-        generator.colour = None
+    if form != "onnx" and (flips or len(models) > 1):
+        do = "write .onnx, or train one network that answers as they do (distil.teacher)"
+        raise ConfigError("one network, without --flips, for TFLite", f"{len(models)}", do)
+    generator, contract = _loaded(models, flips, trained_on, without_colour)
     if form == "onnx":
         from deeplight.deploy.onnx import export_onnx
 
@@ -56,6 +64,44 @@ def write_network(
             examples = _calibration_photos(calibrate, photos, contract)
         export_litert(generator, contract, out, precision, examples)
     return contract
+
+
+def _loaded(
+    models: Sequence[Path], flips: bool, trained_on: str, without_colour: bool
+) -> "tuple[nn.Module, ModelContract]":
+    """One network as it is; several, or one with flips, as their mean, and the contract of that.
+
+    Raises:
+        ModelError: one cannot be read, or they do not take the same photos.
+    """
+    from deeplight.training.model_file import load_network
+    from deeplight.training.network.average import Average
+
+    networks = [load_network(path, trained_on) for path in models]
+    if without_colour:
+        for generator, _ in networks:
+            generator.colour = None
+    if len(networks) == 1 and not flips:
+        return networks[0]
+    contract = networks[0][1]
+    for path, (_, other) in zip(models, networks, strict=True):
+        if _view(other) != _view(contract):
+            got = f"{path} that does not"
+            raise ModelError(f"networks that see and give what {models[0]} does", got, "leave it")
+    both = 2 if flips else 1
+    parts = "; ".join(dict.fromkeys(other.trained_on for _, other in networks))
+    contract = replace(
+        contract,
+        lamps=both * sum(other.lamps for _, other in networks),
+        trained_on=f"mean of {len(networks)}{', flipped too' * flips}: {parts}",
+    )
+    return Average([generator for generator, _ in networks], flips), contract
+
+
+def _view(contract: ModelContract) -> tuple[Any, ...]:
+    """What a network is fed and what it gives."""
+    size = (contract.height, contract.width, contract.output_size)
+    return *size, contract.top, contract.bottom, contract.right, contract.gamma
 
 
 def _format_of(out: Path, kind: str | None, precision: str, calibrated: bool) -> str:

@@ -22,7 +22,7 @@ from deeplight.io.atomic import replacing
 OPSET = 18  # onnxruntime >= 1.14, its web build included
 HALF_MAX = 65504.0
 SMALLEST_HALVED = 64  # elements; shapes and scales stay as they are
-EXACT = "ball."  # where lamps are drawn: an error there is multiplied by their concentration
+EXACT = "ball"  # where lamps are drawn: an error there is multiplied by their concentration
 
 
 def export_onnx(
@@ -138,7 +138,7 @@ def store_as_float16(model: ModelProto) -> None:
 def weights_of(model: ModelProto) -> "Iterator[TensorProto]":
     """The float32 initialisers large enough to matter."""
     for tensor in model.graph.initializer:
-        if tensor.data_type == TensorProto.FLOAT and not tensor.name.startswith(EXACT):
+        if tensor.data_type == TensorProto.FLOAT and EXACT not in tensor.name.split("."):
             count = 1
             for size in tensor.dims:
                 count *= size

@@ -67,6 +67,8 @@ def _from_onnx(path: Path) -> tuple[Generator, ModelContract]:
         for tensor in model.graph.initializer
     }
     add_equal_biases(state, model.graph.node)
+    if any(name.startswith("members.") for name in state):
+        raise ModelError("one network", f"{path}, the mean of several", "give one of its parts")
     generator = Generator(_shape_of(state, contract, path)).eval()
     _fill(generator, {name: state[name] for name in generator.state_dict() if name in state}, path)
     return generator, contract
