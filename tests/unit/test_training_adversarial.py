@@ -78,11 +78,31 @@ def test_what_is_predicted_as_it_was_filmed_looks_filmed(bases, random):
     torch.testing.assert_close(real, fake, atol=1e-5, rtol=0)
     plate = clean_plate(spheres[:, 0].reshape(2, 3, SIZE, SIZE))
     wrong_real, wrong = mirror_pictures(bases, "plain", q - 1.0, inputs_of(spheres))
-    off, inside = COVERAGE == 0, COVERAGE > 0.99
+    off, inside = COVERAGE < 0.99, COVERAGE > 0.999
     assert off.any()
     assert torch.equal(wrong[..., off], plate[..., off])
     assert torch.equal(wrong_real, real)
     assert (wrong - real)[..., inside].abs().max() > 0.1
+
+
+@pytest.mark.parametrize("behind", [0.0, 1.0])
+def test_at_the_rim_of_a_filmed_ball_the_background_tells_nothing(bases, random, behind):
+    """A camera's crop, whose rim is part background: the right light looks filmed all the same."""
+    q = 0.5 * torch.randn(2, 3, SIZE, SIZE, generator=random)
+    rig = torch.zeros(2).long()
+    camera = bases.render(q, rig) * COVERAGE.flatten() + behind * (1 - COVERAGE.flatten())
+    filmed = pixels_of(camera, torch.ones(2, 3, 1, SIZE * SIZE))
+    real, fake = mirror_pictures(bases, "plain", q, inputs_of(filmed))
+    torch.testing.assert_close(real, fake, atol=1e-5, rtol=0)
+    # The twin: laid over the plate by how much of a pixel is ball, the rim gives filmed away.
+    plate = clean_plate(filmed[:, 0].reshape(2, 3, SIZE, SIZE))
+    shown = (COVERAGE.flatten() > 0).float().expand(2, 3, 1, -1)
+    rendered = pixels_of(bases.render(q, rig), shown)[:, 0].reshape(2, 3, SIZE, SIZE)
+    both = [
+        plate + COVERAGE * (ball - plate)
+        for ball in (filmed[:, 0].reshape(2, 3, SIZE, SIZE), rendered)
+    ]
+    assert (both[0] - both[1]).abs().max() > 0.05
 
 
 def test_a_flipped_example_shows_the_ball_of_the_mirrored_scene(bases, random):

@@ -13,7 +13,6 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from deeplight.errors import ConfigError
-from deeplight.mappings import mirror_ball
 from deeplight.sphere import SPHERES
 from deeplight.training.augment import Inputs, turn_back
 from deeplight.training.losses import Form, RigBases, pixels_of, target_pixels
@@ -95,12 +94,14 @@ def mirror_pictures(
     with torch.autocast(log_radiance.device.type, enabled=False):
         rendered = bases.render(log_radiance, inputs.rig, slice(MIRROR, MIRROR + 1))
         filmed = inputs.spheres[:, MIRROR]
+        whole = bases.masks(inputs.rig)[:, MIRROR : MIRROR + 1]  # (n, 1, 1, pixel)
         size = round(filmed.shape[-1] ** 0.5)
-        alpha = torch.tensor(mirror_ball.coverage(size)).to(filmed)
         plate = clean_plate(filmed.reshape(-1, 3, size, size))
-        shown = (alpha > 0).float().flatten().expand(len(filmed), 1, 1, -1)
+        # A filmed pixel of the rim is part ball and part background, which no rendering knows:
+        # laid over the plate it would tell filmed from predicted whatever the light.
+        alpha = whole.reshape(-1, 1, size, size)
         pictures = []
-        for ball in (target_pixels(filmed, form), pixels_of(rendered, shown)[:, 0]):
+        for ball in (target_pixels(filmed, form), pixels_of(rendered, whole)[:, 0]):
             ball = ball.reshape(-1, 3, size, size)
             pictures.append(turn_back(plate + alpha * (ball - plate), inputs.flipped))
         return pictures[0], pictures[1]
