@@ -4,12 +4,13 @@ python -m lab.evidence.compose_evidence data/sim [--split val] [--cases 32] [--o
 
 Takes simulated photos that look down on some ground and carry their true HDR light, spread over
 the places of the split. Into each it puts the bunny, diffuse and silver: under the true light, the
-model's, each baseline's, and the true light with other random rays, which says how much of an
-error is noise. Writes errors.csv (one row for each picture), summary.md (means, and paired
-differences, with 95 % intervals over places), figure.png (of each kind of scene the case with the
-model's median error), cases.png (all of them) and run.toml. OUT/pictures keeps every picture by
-what it is made of: a run that was killed goes on, and after a change of the model only the model's
-own pictures are rendered again. `update_compose.py OUT` puts the result into docs/compose.md.
+model's (as users get it: with the photo in it and its lamps as small as real ones), each
+baseline's, and the true light with other random rays, which says how much of an error is noise.
+Writes errors.csv (one row for each picture), summary.md (means, and paired differences, with 95 %
+intervals over places), figure.png (of each kind of scene the case with the model's median error),
+cases.png (all of them) and run.toml. OUT/pictures keeps every picture by what it is made of: a run
+that was killed goes on, and after a change of the model only the model's own pictures are rendered
+again. `update_compose.py OUT` puts the result into docs/compose.md.
 
 Errors: object = mean absolute difference of pixel values over it; shadow = mean absolute difference
 of its factor, over the pixels that some light's shadow darkens by 3 % (one region for all lights),
@@ -35,7 +36,11 @@ from deeplight.compose.compose import SPAN
 from deeplight.compose.look import blurred
 from deeplight.dataset import Example, open_dataset
 from deeplight.dataset.reading import SplitIndex
+from deeplight.environment import Environment
+from deeplight.estimators.environment import assemble
+from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.estimators.projection import ImagePlane
 from deeplight.estimators.protocol import Estimator
 from deeplight.evaluate.baselines.suite import baselines_for
 from deeplight.harmonics import DominantLight, dominant_light
@@ -45,6 +50,7 @@ from deeplight.preprocess import normalise
 from deeplight.report.run_record import write_run_toml
 from lab.evidence.compose_evidence_pictures import (
     DENOISE_PX,
+    LATLONG_HEIGHT,
     STANDS,
     Picture,
     full_frame,
@@ -72,10 +78,11 @@ ENLARGED = 2  # in the figure of few cases
 
 @dataclass(frozen=True)
 class Case:
-    """One photo."""
+    """One photo, and the lights of every method by name: as balls, and as they are rendered."""
 
     example: Example
     lights: dict[str, Lighting]
+    panoramas: dict[str, np.ndarray]
 
     @property
     def kind(self) -> str:
@@ -129,7 +136,22 @@ def lit(example: Example, estimators: Sequence[Estimator]) -> Case:
     lights = {TRUTH: Lighting(example.known_lighting)}
     for estimator in estimators:
         lights[estimator.name] = Lighting.from_log_radiance(estimator.estimate_inputs(inputs)[0])
-    return Case(example, lights)
+    panoramas = {name: light.latlong(LATLONG_HEIGHT) for name, light in lights.items()}
+    for estimator in estimators:
+        if isinstance(estimator, NetworkEstimator):
+            with_photo = as_users_get_it(estimator, example.background)
+            panoramas[estimator.name] = with_photo.radiance
+            lights[estimator.name] = with_photo.lighting
+    return Case(example, lights, panoramas)
+
+
+def as_users_get_it(model: NetworkEstimator, background: np.ndarray) -> Environment:
+    """The network's light with the photo in it and its lamps as small as real ones."""
+    log_radiance, (lamps,) = model.estimate_with_lamps(normalise(background[None]))
+    whole = model.contract
+    plane = ImagePlane(-whole.right, whole.right, whole.bottom, whole.top)
+    light = Lighting.from_log_radiance(log_radiance[0])
+    return assemble(light, background, plane, LATLONG_HEIGHT, lamps).environment
 
 
 def measured(case: Case, scale: int, kept: Path) -> tuple[list[Row], list[np.ndarray]]:
@@ -137,12 +159,12 @@ def measured(case: Case, scale: int, kept: Path) -> tuple[list[Row], list[np.nda
     rows, strip = [], [tile(full_frame(case.example, scale))]
     for material in MATERIALS:
         made = {
-            method: picture(kept, case.example, light, material, scale)
-            for method, light in case.lights.items()
+            method: picture(kept, case.example, panorama, material, scale)
+            for method, panorama in case.panoramas.items()
         }
         strip += [found.tile for found in made.values()]
         region = np.min([found.shadow for found in made.values()], axis=0) < DARK
-        made[AGAIN] = picture(kept, case.example, case.lights[TRUTH], material, scale, seed=1)
+        made[AGAIN] = picture(kept, case.example, case.panoramas[TRUTH], material, scale, seed=1)
         shadows = {method: found.shadow for method, found in made.items()}
         shadows[UNSHADOWED] = np.ones_like(shadows[TRUTH])
         for method in list(shadows)[1:]:

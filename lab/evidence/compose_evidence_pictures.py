@@ -25,7 +25,6 @@ from deeplight.compose import (
 from deeplight.dataset import Example
 from deeplight.frames import turned
 from deeplight.io.atomic import replacing
-from deeplight.lighting import Lighting
 from deeplight.simulate.phone import PHONES
 
 STANDS = (0.5, 0.74)  # of the kept photo's width and height
@@ -58,10 +57,10 @@ class Picture:
 
 
 def picture(
-    folder: Path, example: Example, light: Lighting, material: str, scale: int, seed: int = 0
+    folder: Path, example: Example, latlong: np.ndarray, material: str, scale: int, seed: int = 0
 ) -> Picture:
-    """Give the bunny in the photo under a light; from `folder` if it was rendered before."""
-    photo, latlong = full_frame(example, scale), light.latlong(LATLONG_HEIGHT)
+    """Give the bunny in the photo under a panorama; from `folder` if it was rendered before."""
+    photo = full_frame(example, scale)
     height, width, _ = photo.shape
     kept = height * BACKGROUND_FRACTION
     item = compose.Item("bunny", material, (STANDS[0] * width, STANDS[1] * kept), turn_deg=20)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from deeplight.compose.composite import Composite, composite
+from deeplight.compose.floor import Spot, free_spots
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.look import NO_LOOK, Look, look_of
 from deeplight.compose.materials import MATERIALS
@@ -113,7 +114,7 @@ def compose(
     if not items or (viewpoint.camera.width, viewpoint.camera.height) != (width, height):
         got = f"{len(items)} objects, a camera of {viewpoint.camera.width} pixels across"
         raise ConfigError(f"an object and a camera of {width} x {height}", got, "correct them")
-    solids, notes = placed(viewpoint, items, kept_rows)
+    solids, notes = placed(viewpoint, items, kept_rows, photo)
     scene, more_notes = scene_of(photo, light, viewpoint, solids, settings)
     notes += more_notes
     picture = rendered(photo, scene, matched(photo, settings), settings, progress)
@@ -121,19 +122,24 @@ def compose(
 
 
 def placed(
-    viewpoint: Viewpoint, items: Sequence[Item], kept_rows: float | None = None
+    viewpoint: Viewpoint,
+    items: Sequence[Item],
+    kept_rows: float | None = None,
+    photo: UInt8[np.ndarray, "height width 3"] | None = None,
 ) -> tuple[list[Solid], list[str]]:
     """Load the objects and stand them on the plane; also give the size and distance of each.
+
+    Those without a place stand where the photo shows free floor near to the usual place.
 
     Raises:
         InputError: an item, a mesh or a place that cannot be used.
         OSError: a mesh file cannot be read.
     """
     camera = viewpoint.camera
-    solids, notes = [], []
+    solids: list[Solid] = []
     low = min(kept_rows or camera.height, camera.height) * DEFAULT_ROW
-    for number, item in enumerate(items):
-        x, y = item.at or (camera.width * (number + 1) / (len(items) + 1), low)
+    places, notes = _places(viewpoint, items, low, photo)
+    for item, (x, y) in zip(items, places, strict=True):
         point = viewpoint.point(x, y)
         size = item.size_m or _default_size(viewpoint, point)
         meshes = standing(load(item.object, item.up), point, size, radians(item.turn_deg))
@@ -145,6 +151,33 @@ def placed(
         more_notes = sorted({note for mesh in meshes for note in mesh.finish.notes})
         notes += [f"{item.object}: {note}" for note in more_notes]
     return solids, notes
+
+
+def _places(
+    viewpoint: Viewpoint,
+    items: Sequence[Item],
+    low: float,
+    photo: UInt8[np.ndarray, "height width 3"] | None,
+) -> tuple[list[tuple[float, float]], list[str]]:
+    """Where each item stands, and what to say of it; `low` is the usual row."""
+    camera = viewpoint.camera
+    count = sum(item.at is None for item in items)
+    usual = [(camera.width * (n + 1) / (len(items) + 1), low) for n in range(len(items))]
+    places = [item.at or place for item, place in zip(items, usual, strict=True)]
+    if photo is None or not count:
+        return places, []
+    notes = [f"horizon at row {viewpoint.horizon_row:.0f} of {camera.height}"]
+    spots = free_spots(photo, viewpoint, count, low)
+    if not all(spot.free for spot in spots):
+        notes.append("no free patch of floor was found: it may stand on something, give --at")
+        return places, notes
+    notes.append("placed on a free patch of floor; --at puts it elsewhere")
+    found = iter(spots)
+    return [item.at or _at(next(found)) for item in items], notes
+
+
+def _at(spot: Spot) -> tuple[float, float]:
+    return spot.x, spot.y
 
 
 def scene_of(

@@ -4,9 +4,13 @@ from dataclasses import dataclass
 from math import degrees, radians
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import UInt8
+
 from deeplight.camera import PinholeCamera
 from deeplight.compose.ground import DEFAULT_PITCH_RAD, Viewpoint
-from deeplight.io.tilt import tilt_of
+from deeplight.compose.horizon import tilt_of_photo
+from deeplight.io.tilt import Tilt, tilt_of
 from deeplight.preprocess import Framing
 
 
@@ -28,10 +32,21 @@ class CameraPlacement:
 
 
 def viewpoint_of(
-    source: Path | str | None, framing: Framing, placement: CameraPlacement
+    source: Path | str | None,
+    framing: Framing,
+    placement: CameraPlacement,
+    photo: UInt8[np.ndarray, "height width 3"] | None = None,
 ) -> tuple[Viewpoint, list[str]]:
-    """The camera above the surface, and notes on what EXIF said or had to be assumed."""
+    """The camera above the surface, and notes on what its tilt was taken from.
+
+    Tilt is as given, else EXIF's, else what upright edges in the photo say, else assumed.
+    """
+    camera = PinholeCamera(framing.photo_width, framing.photo_height, framing.vertical_fov_rad)
     tilt, notes = tilt_of(source), []
+    if tilt is None and photo is not None and placement.pitch_deg is None:
+        seen = tilt_of_photo(photo, camera)
+        if seen is not None:
+            tilt = Tilt(seen.pitch_rad, seen.roll_rad, "upright edges in the photo")
     pitch, roll = DEFAULT_PITCH_RAD, 0.0
     if tilt is not None:
         pitch, roll = tilt.pitch_rad, tilt.roll_rad
@@ -41,5 +56,4 @@ def viewpoint_of(
         notes.append(f"camera tilt unknown, assumed {degrees(pitch):.0f} degrees: give --pitch")
     pitch = pitch if placement.pitch_deg is None else radians(placement.pitch_deg)
     roll = roll if placement.roll_deg is None else radians(placement.roll_deg)
-    camera = PinholeCamera(framing.photo_width, framing.photo_height, framing.vertical_fov_rad)
     return Viewpoint(camera, placement.height_m, pitch, roll), notes

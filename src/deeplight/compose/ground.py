@@ -48,6 +48,14 @@ class Viewpoint:
         """The camera's pose; its place is (0, height, 0)."""
         return world_from_camera(self.yaw_rad, self.pitch_rad, self.roll_rad)
 
+    @property
+    def horizon_row(self) -> float:
+        """Row of the photo, in pixels, where the horizon crosses its middle column."""
+        _, half_height = self.camera.tangents
+        up = self.world_from_camera[1]  # the world's up in the camera's axes
+        above_axis = float(up[2] / up[1]) / half_height
+        return (1 - above_axis) / 2 * self.camera.height
+
     def ray(self, x: float, y: float) -> Float[np.ndarray, "3"]:
         """Unit direction, world frame, through place (x, y) of the photo; (0, 0) is its corner."""
         half_width, half_height = self.camera.tangents
@@ -68,9 +76,9 @@ class Viewpoint:
             raise ConfigError("a place inside the photo", got, "give another --at")
         ray = self.ray(x, y)
         if -ray[1] * FARTHEST_HEIGHTS < 1:
-            got = f"({x:g}, {y:g}), on or above the horizon of a camera pitched " + (
-                f"{np.degrees(self.pitch_rad):.0f} degrees"
-            )
+            pitch = f"a camera pitched {np.degrees(self.pitch_rad):.0f} degrees"
+            row = f"which lies at row {self.horizon_row:.0f} there"
+            got = f"({x:g}, {y:g}), on or above the horizon of {pitch}, {row}"
             raise ConfigError("a place on the ground", got, "give a lower --at or a lower --pitch")
         return np.array([0, self.height_m, 0]) - ray * (self.height_m / ray[1])
 

@@ -54,7 +54,7 @@ def compose_photo(
         notes = estimate.notes
     else:
         framing, notes = network.frame(opened, where.fov_deg), opened.notes
-    viewpoint, assumed = viewpoint_of(opened.source, framing, where)
+    viewpoint, assumed = viewpoint_of(opened.source, framing, where, opened.pixels)
     items = [Item(given) if isinstance(given, str) else given for given in objects]
     radiance = light.radiance * np.float32(2.0**stops)
     composed = compose(

@@ -95,9 +95,9 @@ def _begin(
     estimator, factor = OnnxEstimator(), np.float32(gain)
     photo = Photo(first.rgb(), video)
     estimate = estimator.explain(photo, placement.fov_deg)
-    viewpoint, assumed = viewpoint_of(video, estimate.framing, placement)
+    viewpoint, assumed = viewpoint_of(video, estimate.framing, placement, photo.pixels)
     light = factor * (estimate.lighting.latlong() if given is None else given)
-    solids, notes = placed(viewpoint, items, estimate.framing.bottom)
+    solids, notes = placed(viewpoint, items, estimate.framing.bottom, photo.pixels)
     scene, limited = scene_of(photo.pixels, light, viewpoint, solids, settings)
     low, high = solids[0].vertices.min(0), solids[0].vertices.max(0)
     anchor = (low + high) / 2 * [1, 0, 1]

@@ -36,7 +36,7 @@ CATCH_RAD = float(np.radians(30))
 """A clipped area takes the estimate's power from so far around: the ball is no sharper."""
 LARGEST_OWN_RAD = float(np.radians(15))
 """A network's lamp wider than this is no compact light and stays in the map."""
-_BRIGHT = (0.5, 1.0)  # radiance between which a clipped area's power fades in around it
+_BRIGHT = (0.95, 1.03)  # radiance between which a clipped area's power fades in around it
 _LOBE_END = 1e-3  # of a lobe's peak: less is not worth a pixel
 MOST_LAMPS = 3
 LEAST_SHARE = 0.03

@@ -27,6 +27,10 @@ SPHERE = 132  # pixels across
 DARK_STOPS = -4.0
 """Exposure of the second environment: what is still bright there is a light source."""
 
+LABEL_GAP = 6
+"""Pixels between the labels of two lamps."""
+Box = tuple[float, float, float, float]  # left, upper, right, lower
+
 PAPER, INK, FAINT, ACCENT = (20, 22, 26), (236, 238, 242), (146, 152, 162), (255, 196, 61)
 NAMES = {"matte_silver": "matte silver", "diffuse": "diffuse"}
 
@@ -154,6 +158,7 @@ def _mark_lamps(
 ) -> None:
     """Ring each lamp and say how bright it is."""
     width, height = LIGHT_SIZE
+    taken: list[Box] = []
     for number, lamp in enumerate(lamps):
         (row,), (column,) = position(lamp.direction[None], height, width)
         x, y = at[0] + float(column), at[1] + float(row)
@@ -166,9 +171,29 @@ def _mark_lamps(
         if not known and number == 0:
             label += ", direction not known"
         to_left = x > at[0] + width / 2
-        spot = (x - size - 8 if to_left else x + size + 8, y)
         anchor = "rm" if to_left else "lm"
+        across = x - size - 8 if to_left else x + size + 8
+        taken.append(_free(draw.textbbox((across, y), label, _font(16), anchor), taken, at[1]))
+        spot = (across, (taken[-1][1] + taken[-1][3]) / 2)
         draw.text(spot, label, INK, _font(16), anchor=anchor, stroke_width=2, stroke_fill=PAPER)
+
+
+def _free(box: Box, taken: Sequence[Box], top: float) -> Box:
+    """The box, moved up or down by the least that takes it off the others and into the picture."""
+    left, upper, right, lower = box
+    height = lower - upper + LABEL_GAP
+    steps = sorted(range(-2 * len(taken), 2 * len(taken) + 1), key=abs)
+    for step in steps:
+        moved = (left, upper + step * height / 2, right, lower + step * height / 2)
+        inside = moved[1] >= top and moved[3] <= top + LIGHT_SIZE[1]
+        if inside and not any(_overlap(moved, other) for other in taken):
+            return moved
+    return box
+
+
+def _overlap(one: Box, other: Box) -> bool:
+    apart = one[2] < other[0] or other[2] < one[0]
+    return not (apart or one[3] + LABEL_GAP / 2 < other[1] or other[3] + LABEL_GAP / 2 < one[1])
 
 
 def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
