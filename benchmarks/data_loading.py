@@ -19,11 +19,12 @@ from typing import Annotated
 import torch
 import tyro
 
-from deeplight.dataset import open_dataset
 from deeplight.training.config import TrainConfig
 from deeplight.training.data import Batch, BatchSource
 from deeplight.training.loop import Run
 from deeplight.training.presets import preset
+from deeplight.training.setup import set_up
+from deeplight.training.sources import Sources
 
 GOAL = 0.95
 
@@ -49,15 +50,15 @@ def main(args: Args) -> None:
     settings = ("run.constant_steps=0", "data.validation_splits=[]", f"data.workers={args.workers}")
     config = preset(args.preset, (*settings, "data.preload_gib=0.0"))
     with tempfile.TemporaryDirectory() as folder:
-        run = Run(open_dataset(args.data), Path(folder), config, None)
-        run.network.train()
+        run = Run(set_up(Sources(args.data), Path(folder), config))
+        run.networks.forward.train()
         speeds = measure(run, config, args)
     bare = statistics.median(speeds["bare step"])
     for name, values in speeds.items():
         ratio = statistics.median(b / a for a, b in zip(speeds["bare step"], values, strict=True))
         print(f"{name:<18} {statistics.median(values):8.1f} images/s   {ratio:.3f}")
     print(
-        f"{run.device}, batch {config.schedule.batch_size}, bare step {bare:.1f} images/s, "
+        f"{run.fabric.device}, batch {config.schedule.batch_size}, bare step {bare:.1f} images/s, "
         f"goal {GOAL}"
     )
 
@@ -65,11 +66,13 @@ def main(args: Args) -> None:
 def measure(run: Run, config: TrainConfig, args: Args) -> dict[str, list[float]]:
     """Images/s of each way in each turn."""
     size, total = config.schedule.batch_size, args.steps * (args.turns + 1)
-    one = next(run.source.batches(size, 0, 1))
-    memory = BatchSource(run.examples, replace(config.data, preload_gib=1e9), run.order, run.device)
+    one = next(run.setup.source.batches(size, 0, 1))
+    setup, in_memory = run.setup, replace(config.data, preload_gib=1e9)
+    order = setup.source.order
+    memory = BatchSource(setup.data.examples, in_memory, order, run.fabric.device)
     ways: dict[str, Iterator[Batch]] = {
         "bare step": itertools.repeat(one),
-        "shards on disk": run.source.batches(size, 0, total),
+        "shards on disk": run.setup.source.batches(size, 0, total),
         "decoded in memory": memory.batches(size, 0, total),
     }
     speeds: dict[str, list[float]] = {name: [] for name in ways}
@@ -86,7 +89,7 @@ def seconds_of(run: Run, batches: Iterator[Batch], steps: int) -> float:
     start = time.perf_counter()
     for batch in itertools.islice(batches, steps):
         run.train_step(batch)
-    if run.device.type == "cuda":
+    if run.fabric.device.type == "cuda":
         torch.cuda.synchronize()
     return time.perf_counter() - start
 

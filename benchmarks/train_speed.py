@@ -18,10 +18,11 @@ from typing import Annotated
 import torch
 import tyro
 
-from deeplight.dataset import open_dataset
 from deeplight.training.loop import Run
 from deeplight.training.optimiser import ScheduleConfig
 from deeplight.training.presets import preset
+from deeplight.training.setup import set_up
+from deeplight.training.sources import Sources
 
 PAPER_EXAMPLES = 4_060_000
 
@@ -53,7 +54,7 @@ def main(args: Args) -> None:
                 speed = size * args.steps / seconds_of(run, args.steps)
                 if turn > 0:
                     speeds[name].append(speed)
-        device = runs["msd"].device
+        device = runs["msd"].fabric.device
     ratio = statistics.median(b / a for a, b in zip(*speeds.values(), strict=True))
     total = ScheduleConfig().total_steps(PAPER_EXAMPLES) * ScheduleConfig().batch_size
     for name, values in speeds.items():
@@ -67,18 +68,18 @@ def started(args: Args, variant: str, folder: Path) -> Run:
     """A run of a variant, ready for its first step."""
     settings = ("run.constant_steps=0", "data.validation_splits=[]", "data.preload_gib=0.0")
     config = preset(f"{args.preset}-{variant}", (*settings, "data.workers=0", *args.set))
-    run = Run(open_dataset(args.data), folder, config)
-    run.network.train()
+    run = Run(set_up(Sources(args.data), folder, config))
+    run.networks.forward.train()
     return run
 
 
 def seconds_of(run: Run, steps: int) -> float:
     """Time of a number of steps on the run's first batch."""
-    batch = next(run.source.batches(run.config.schedule.batch_size, 0, 1))
+    batch = next(run.setup.source.batches(run.config.schedule.batch_size, 0, 1))
     start = time.perf_counter()
     for one in itertools.repeat(batch, steps):
         run.train_step(one)
-    if run.device.type == "cuda":
+    if run.fabric.device.type == "cuda":
         torch.cuda.synchronize()
     return time.perf_counter() - start
 

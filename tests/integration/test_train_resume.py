@@ -243,7 +243,10 @@ def test_the_last_good_weights_survive_what_is_not_finite(
     honest = Run.train_step
 
     def breaking(run, batch):
-        hurt = run.adversary.discriminator if "discriminator" in broken else run.generator
+        networks = run.networks
+        hurt = networks.generator
+        if "discriminator" in broken:
+            hurt = networks.adversary.discriminator
         terms = honest(run, batch) if "gradient" in broken else None
         if run.step == 3:
             for parameter in hurt.parameters():
