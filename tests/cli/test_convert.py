@@ -198,9 +198,9 @@ def test_an_input_is_never_replaced(studio, labelled) -> None:
 
 def test_a_1k_panorama_takes_seconds(tmp_path) -> None:
     write_hdr(tmp_path / "big.hdr", labelled_environment(512).radiance)
-    start = time.perf_counter()
+    start = time.process_time()
     assert convert(tmp_path / "big.hdr", "--out", tmp_path / "a.exr", "--for", "three") == 0
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
 
 
 def test_a_cross_of_a_photographed_probe_reads_right_way_up(tmp_path, labelled) -> None:

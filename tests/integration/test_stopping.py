@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from deeplight.io.atomic import replacing
+from patience import patient
 
 pytestmark = pytest.mark.skipif(not Path("/proc").exists(), reason="reads /proc")
 
@@ -65,7 +66,7 @@ def begun(folder: Path, *more: str) -> subprocess.Popen[str]:
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     )
-    most = time.monotonic() + 60
+    most = time.monotonic() + patient(60)
     while len(list(folder.glob("started*"))) < (1 if more else 2) and time.monotonic() < most:
         time.sleep(0.05)
     return child
@@ -95,12 +96,12 @@ def test_a_signal_ends_the_command_and_its_workers(
         assert len(living(tmp_path)) >= 3
         child.send_signal(number)
         sent = time.monotonic()
-        child.wait(20)
-        while living(tmp_path) and time.monotonic() < sent + 10:
+        child.wait(patient(20))
+        while living(tmp_path) and time.monotonic() < sent + patient(10):
             time.sleep(0.05)
         took = time.monotonic() - sent
         _, said = child.communicate()
-    assert took < 5  # two seconds on an idle machine
+    assert took < patient(5)  # two seconds on an idle machine
     assert child.returncode == (-number if name == "SIGKILL" else 128 + number)
     assert name == "SIGKILL" or len(said.strip().splitlines()) == 1, said
     results = {path.name for path in tmp_path.glob("[0-9]*.txt")}
@@ -114,7 +115,7 @@ def test_a_signal_ends_the_command_and_its_workers(
 def test_a_library_that_holds_the_main_thread_is_not_waited_for(tmp_path: Path) -> None:
     with begun(tmp_path, "--busy") as child:
         child.send_signal(signal.SIGTERM)
-        assert child.wait(30) == 128 + signal.SIGTERM
+        assert child.wait(patient(30)) == 128 + signal.SIGTERM
 
 
 def test_an_ignored_hangup_stays_ignored(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from deeplight.training.data import BatchSource, ExampleBytes, Order
 from deeplight.training.loop import BEST, Run, train
 from deeplight.training.presets import preset
 from deeplight.training.release import contract_of, load_best
+from patience import patient
 from toy_data import write_toy_data
 
 pytestmark = pytest.mark.needs("safetensors")
@@ -112,7 +113,7 @@ def started(words: list[str]) -> subprocess.Popen:
 
 def wait_for(event, process: subprocess.Popen, seconds: float = 100) -> None:
     """Look a thousand times a second; a process that ended first is a failure."""
-    deadline = time.monotonic() + seconds
+    deadline = time.monotonic() + patient(seconds)
     while not event():
         assert process.poll() is None, "it ended by itself"
         assert time.monotonic() < deadline
