@@ -1,7 +1,8 @@
 """How long fusing takes on one core: python benchmarks/fuse_speed.py PANORAMAS
 
-Films a turn in one place, 36 frames of 720 x 1280, and prints processor time: of `Session.add`
-without the network, of an environment, and of `deeplight fuse` next to decoding the same clip.
+Prints processor time: of `Session.add` on 720p frames without the network, of an environment, and
+of `deeplight fuse` next to decoding the same clip: 30 s of 1080 x 1920, one turn by hand. With a
+second argument the clip is kept there, or taken from there.
 """
 
 import os
@@ -18,27 +19,57 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
+from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
+from deeplight.camera_response import encode
 from deeplight.estimators.open import open_model
+from deeplight.frames import turned, world_from_camera
 from deeplight.fuse.fuse import fuse_frames
 from deeplight.fuse.session import Session
 from deeplight.fuse.sources import read_frames
 from deeplight.io.video import video_frames
 from deeplight.io.video_writer import VideoWriter
+from deeplight.mappings import latlong
 from deeplight.simulate.panorama import load, places_in
 from lab.pans import Pan, Sweep, Troubles, film_pan
 
-REPEATED = 12  # each picture is this number of frames of the clip
+SIZE, FRAMES, RATE_HZ = (1080, 1920), 900, 30.0  # of the clip
 HEIGHTS = (64, 256, 512)
 Result = TypeVar("Result")
 
 
-def main(panoramas: str) -> None:
+def main(panoramas: str, clip: str | None = None) -> None:
     cv2.setNumThreads(1)
     place = next(place for place in places_in(Path(panoramas)) if place.split == "val")
-    pan = film_pan(load(place), Sweep(36), Troubles(), np.random.default_rng(1), (1280, 720))
+    panorama = load(place)
+    pan = film_pan(panorama, Sweep(36), Troubles(), np.random.default_rng(1), (1280, 720))
     session_times(pan)
     with TemporaryDirectory() as folder:
-        clip_times(pan, Path(folder) / "clip.mp4")
+        path = Path(clip or Path(folder) / "clip.mp4")
+        if not path.exists():
+            film_clip(panorama, path)
+        clip_times(path)
+
+
+def film_clip(panorama: np.ndarray, path: Path) -> None:
+    """A turn by hand: smooth shake, exposure fixed, grain of a phone's sensor."""
+    rng = np.random.default_rng(2)
+    rows, columns, _ = panorama.shape
+    pixels = encode(np.minimum(panorama * (0.18 / np.median(panorama)), 1)) * 255
+    pixels = np.concatenate([pixels, pixels[:, :1]], axis=1).astype(np.uint8)
+    rays = PinholeCamera(*SIZE, TRAINED_VERTICAL_FOV_RAD).rays().astype(np.float32)
+    shake = cv2.GaussianBlur(rng.normal(0, 0.06, (FRAMES, 3)), (1, 31), 7)
+    grain = rng.normal(0, 2.5, (2 * SIZE[1], 2 * SIZE[0], 1)).astype(np.int8)
+    with VideoWriter(path, *SIZE, RATE_HZ) as writer:
+        for k in range(FRAMES):
+            yaw, pitch, roll = shake[k] + (2 * np.pi * k / FRAMES, -0.17, 0)
+            row, column = latlong.position(
+                turned(rays, world_from_camera(yaw, pitch, roll)), rows, columns
+            )
+            column = (column % columns).astype(np.float32)
+            seen = cv2.remap(pixels, column, row.astype(np.float32), cv2.INTER_LINEAR)
+            top, left = rng.integers(0, SIZE[1]), rng.integers(0, SIZE[0])
+            noise = grain[top : top + SIZE[1], left : left + SIZE[0]]
+            writer.write(np.clip(seen.astype(np.int16) + noise, 0, 255).astype(np.uint8))
 
 
 def session_times(pan: Pan) -> None:
@@ -61,18 +92,20 @@ def session_times(pan: Pan) -> None:
         print(f"environment of {height} rows: {time.process_time() - start:.2f} s")
 
 
-def clip_times(pan: Pan, path: Path) -> None:
+def clip_times(path: Path) -> None:
     """Decoding and fusing of a clip."""
-    with VideoWriter(path, 720, 1280, 30.0) as writer:
-        for frame in pan.frames:
-            for _ in range(REPEATED):
-                writer.write(frame.pixels)
+    size = path.stat().st_size / 1e6
+    begin = time.process_time()
     count = timed("decode", lambda: sum(1 for _ in video_frames(path)))
+    decoding = time.process_time() - begin
     timed("decode to RGB", lambda: sum(still.rgb().size for still in video_frames(path)))
+    begin = time.process_time()
     frames = timed("choose frames", lambda: read_frames([path], None))
     model = open_model(threads=1)
     fused = timed("place, estimate and fuse", lambda: fuse_frames(frames, model))
-    print(f"{count} frames, {len(frames)} chosen, {len(fused.placed)} placed")
+    ratio = (time.process_time() - begin) / decoding
+    print(f"{count} frames, {size:.0f} MB, {len(frames)} chosen, {len(fused.placed)} placed")
+    print(f"fusing takes {ratio:.2f} times as long as decoding")
 
 
 def timed(name: str, work: Callable[[], Result]) -> Result:

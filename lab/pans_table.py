@@ -1,14 +1,19 @@
 """What looking around brings, as tables: light fused from simulated pans against the truth.
 
-    python -m lab.pans_table ../shared/hdri [--split val] [--places 12]
+    python -m lab.pans_table ../shared/hdri [--into docs/fuse.md]
+    python -m lab.pans_table ../shared/hdri --split val --places 6 --tables seen turn
 
-Prints Markdown for docs/fuse.md. Each place is panned by a simulated phone (automatic exposure and
-white balance, tone curve, vignetting, noise, a person walking by) with the first frame's camera and
-white as the unit. L1 is of the three spheres' pixels, as everywhere; "ratio" is to the first frame
-alone.
+Prints Markdown, with `--into` between the document's marks as well. Each place is panned by a
+simulated phone (automatic exposure and white balance, tone curve, vignetting, noise, a person
+walking by) with the first frame's camera and white as the unit. L1 is of the three spheres' pixels,
+as everywhere; "ratio" is to the first frame alone.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import io
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -48,6 +53,7 @@ SETS: Mapping[str, Sequence[int]] = {
     "two turns, level and up": list(range(24)),
     "three turns, level, up and down": list(range(36)),
 }
+MARKS = ("<!-- tables -->\n", "<!-- end of tables -->")
 TROUBLES: Mapping[str, Troubles] = {
     "none: exposure fixed, ideal camera": Troubles(0.0, 0.0, response=False),
     "automatic exposure and white balance": Troubles(0.0, response=False),
@@ -73,6 +79,8 @@ class Args:
     """Places of each split at most."""
     tables: tuple[str, ...] = ("seen", "merging", "turn", "rotations", "troubles")
     """Which tables."""
+    into: Path | None = None
+    """A document whose tables these take the place of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +157,7 @@ def share_seen(environment: Environment) -> float:
     return float((environment.seen * solid_angle).sum() / (4 * np.pi))
 
 
-def seen_table(cases: Sequence[Case]) -> None:
+def seen_table(cases: Sequence[Case]) -> Scores:
     """What each further look brings."""
     scores = Scores()
     for case in cases:
@@ -158,6 +166,19 @@ def seen_table(cases: Sequence[Case]) -> None:
             light = case.session(chosen).environment(height=ROWS)
             scores.add(name, light.lighting, case.truth, share_seen(light))
     scores.table("the network alone, 1 frame")
+    return scores
+
+
+def summary(parts: Sequence[Scores]) -> None:
+    """Ratios to the first frame's estimate over all places, as the goals are put."""
+    rows = {name: np.concatenate([s.rows[name] for s in parts]) for name in parts[0].rows}
+    first, *others = rows.values()
+    print(f"All {len(first)} places, ratio to the network alone:\n")
+    print("| light | diffuse | silver | mirror | hue | main light off |\n|---|---|---|---|---|---|")
+    for name, values in zip(list(rows)[1:], others, strict=True):
+        ratios = " | ".join(f"{values[:, k].mean() / first[:, k].mean():.2f}" for k in range(4))
+        print(f"| {name} | {ratios} | {np.nanmedian(values[:, 5]):.0f}° |")
+    print()
 
 
 def merging_table(cases: Sequence[Case]) -> None:
@@ -203,7 +224,9 @@ def _oracle(case: Case, session: Session, found: Environment) -> Lighting:
 
 def turn_table(cases: Sequence[Case]) -> None:
     """How steady the light is in the world while one turns twice, exposure taken out."""
-    print("| over a turn | brightest / darkest | main light wanders, per 60° |\n|---|---|---|")
+    head = ("over a turn", "brightest / darkest", "grey ball swings", "main light wanders, per 60°")
+    head = (*head, "power off at the start", "and at the end")
+    print(f"| {' | '.join(head)} |\n|---|---|---|---|---|---|")
     kinds: dict[str, list[list[float]]] = {}
     for case in cases:
         ring = SETS["a turn"]
@@ -212,31 +235,36 @@ def turn_table(cases: Sequence[Case]) -> None:
         for k, gain in zip(ring, gains, strict=True):
             ball = Lighting((np.exp(case.estimates[k] - gain)).astype(np.float32))
             own.append(ball.rotated(case.pan.frames[k].rotation))
-        kinds.setdefault("each frame's own estimate", []).append(_steadiness(own))
+        kinds.setdefault("each frame's own estimate", []).append(_steadiness(own, case.truth))
         session = case.session([])
         lights = []
         for k in (*ring, *ring):
             session.add(case.pan.frames[k].pixels, case.pan.frames[k].rotation, case.estimates[k])
             lights.append(session.environment(np.eye(3), height=64).lighting)
-        half = len(ring)
-        kinds.setdefault("fused so far, first turn", []).append(_steadiness(lights[:half]))
-        kinds.setdefault("fused so far, second turn", []).append(_steadiness(lights[half:]))
+        halves = {"first": lights[: len(ring)], "second": lights[len(ring) :]}
+        for name, half in halves.items():
+            kinds.setdefault(f"fused so far, {name} turn", []).append(_steadiness(half, case.truth))
     for name, rows in kinds.items():
-        ratio, wander = np.median(np.array(rows), axis=0)
-        print(f"| {name} | {ratio:.2f} | {wander:.0f}° |")
+        ratio, swing, wander, start, end = np.median(np.array(rows), axis=0)
+        print(f"| {name} | {ratio:.2f} | {swing:.0f} levels | {wander:.0f}° ", end="")
+        print(f"| {start:.2f} x | {end:.2f} x |")
     print()
 
 
-def _steadiness(lights: Sequence[Lighting]) -> list[float]:
-    power = [float(light.power() @ LUMINANCE) for light in lights]
+def _steadiness(lights: Sequence[Lighting], truth: Lighting) -> list[float]:
+    """Of lights in the world. A grey ball's mean pixel counts from 0 to 255."""
+    power = np.array([float(light.power() @ LUMINANCE) for light in lights])
+    true = float(truth.power() @ LUMINANCE)
     found = brightest(np.stack([light.radiance for light in lights])).directions
     steps = np.degrees(np.arccos(np.clip((found[1:] * found[:-1]).sum(1), -1, 1)))
-    return [max(power) / min(power), float(np.nanmean(steps)) * 2]  # a step is 30 degrees
+    basis, mask = rig_bases(PAPER_RIG)["diffuse"], PAPER_RIG.views["diffuse"].mask()
+    grey = [float(encode(soft_clip(relight(basis, light)))[mask].mean()) for light in lights]
+    off = np.exp(np.abs(np.log(power[[0, -1]] / true)))
+    wander = float(np.nanmean(steps)) * 2  # a step is 30 degrees
+    return [float(power.max() / power.min()), 255 * float(np.ptp(grey)), wander, *off.tolist()]
 
 
-def rotation_table(
-    panoramas: Sequence[np.ndarray], make: Callable[[np.ndarray, Sweep, Troubles], Case]
-) -> None:
+def rotation_table(panoramas: Sequence[np.ndarray]) -> None:
     """Rotations from pictures alone, 18 frames a turn."""
     print("| pan | placed | error, median | worst | field of view |\n|---|---|---|---|---|")
     for name, troubles in (
@@ -246,7 +274,7 @@ def rotation_table(
     ):
         errors, fovs, placed, count = [], [], 0, 0
         for panorama in panoramas:
-            pan = make(panorama, Sweep(18), troubles).pan
+            pan = film_pan(panorama, Sweep(18), troubles, np.random.default_rng(7), (384, 216))
             found = track([f.pixels for f in pan.frames], float(np.radians(60)), fov_known=False)
             placed, count = placed + len(found.rotations), count + len(pan.frames)
             if not found.rotations:
@@ -263,34 +291,71 @@ def rotation_table(
     print()
 
 
+def trouble_table(panoramas: Sequence[np.ndarray], network: OnnxEstimator) -> None:
+    """What each trouble of a pan costs."""
+    scores = Scores()
+    for k, panorama in enumerate(panoramas):
+        for name, troubles in TROUBLES.items():
+            case = case_of(panorama, Sweep(12), troubles, k, network)
+            light = case.session(range(len(case.pan.frames))).environment(height=ROWS)
+            scores.add(name, light.lighting, case.truth, share_seen(light))
+    scores.table(next(iter(TROUBLES)))
+
+
 def main(args: Args) -> None:
-    """Print the tables."""
+    """Print the tables; put them into a document if one is named."""
+    before = "" if args.into is None else args.into.read_text(encoding="utf-8")
+    if args.into is not None and not all(mark in before for mark in MARKS):
+        raise SystemExit(f"{args.into} has no {' and '.join(mark.strip() for mark in MARKS)}")
+    printed = _Copied()
+    with redirect_stdout(printed):
+        _print(args)
+    if args.into is not None:
+        start, end = before.index(MARKS[0]) + len(MARKS[0]), before.index(MARKS[1])
+        text = re.sub(r"\n{2,}", "\n\n", printed.getvalue())
+        args.into.write_text(before[:start] + text.strip() + "\n" + before[end:], encoding="utf-8")
+
+
+class _Copied(io.StringIO):
+    """What is printed, kept as well."""
+
+    def write(self, text: str) -> int:
+        sys.__stdout__.write(text)
+        sys.__stdout__.flush()
+        return super().write(text)
+
+
+def _print(args: Args) -> None:
     network = OnnxEstimator(threads=1)
     splits = ("val", "test") if args.split == "both" else (args.split,)
     panoramas: dict[str, list[np.ndarray]] = {}
+    seen: list[Scores] = []
     for split in splits:
         places = [place for place in places_in(args.panoramas) if place.split == split]
         panoramas[split] = [load(place) for place in places[: args.places]]
-    cases = {
-        split: [case_of(p, RINGS, USUAL, k, network) for k, p in enumerate(found)]
-        for split, found in panoramas.items()
-    }
-    for split in splits:
-        for name, draw in (("seen", seen_table), ("merging", merging_table), ("turn", turn_table)):
-            if name in args.tables:
-                print(f"{name}, {len(cases[split])} places of {split}\n")
-                draw(cases[split])
+        cases = [case_of(p, RINGS, USUAL, k, network) for k, p in enumerate(panoramas[split])]
+        of = f"{len(cases)} places of {split}"
+        if "seen" in args.tables:
+            print(f"{of}:\n")
+            seen.append(seen_table(cases))
+        if "merging" in args.tables:
+            print(
+                f"Ways of merging, after one level turn, {of}; the last row has the true radiance"
+            )
+            print("where every view clipped, which is what there is still to gain:\n")
+            merging_table(cases)
+        if "turn" in args.tables:
+            print(f"How steady the light is in the world while one turns twice, medians, {of}:\n")
+            turn_table(cases)
+    if seen:
+        summary(seen)
     some = panoramas[splits[0]][:6]
     if "rotations" in args.tables:
-        rotation_table(some, lambda p, s, t: case_of(p, s, t, 7, network))
+        print("Rotations from pictures alone, 18 frames a turn, field of view not known:\n")
+        rotation_table(some)
     if "troubles" in args.tables:
-        scores = Scores()
-        for k, panorama in enumerate(some):
-            for name, troubles in TROUBLES.items():
-                case = case_of(panorama, Sweep(12), troubles, k, network)
-                light = case.session(range(len(case.pan.frames))).environment(height=ROWS)
-                scores.add(name, light.lighting, case.truth, share_seen(light))
-        scores.table(next(iter(TROUBLES)))
+        print("What each trouble costs, one level turn, ratio to none:\n")
+        trouble_table(some, network)
 
 
 if __name__ == "__main__":

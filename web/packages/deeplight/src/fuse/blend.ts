@@ -9,7 +9,7 @@ export interface Seen {
   readonly radiance: Float32Array;
   /** How much each texel was seen, 0 to 1. */
   readonly share: Float32Array;
-  /** Where every view that saw it clipped: radiance is a lower bound. */
+  /** Number of channels that clip in every view that saw them: there, radiance is a lower bound. */
   readonly clipped: Uint8Array;
 }
 
@@ -88,7 +88,7 @@ function decided(
     const isBelow = belowWeight[i]! > boundWeight[i]!;
     if (aboveWeight[i]! > 0) radiance[i] = above[i]! / aboveWeight[i]!;
     else radiance[i] = isBelow ? below[i]! / belowWeight[i]! : bound[i]!;
-    if (aboveWeight[i] === 0 && !isBelow && bound[i]! > 0) clipped[Math.floor(i / 3)] = 1;
+    if (aboveWeight[i] === 0 && !isBelow && bound[i]! > 0) clipped[Math.floor(i / 3)]! += 1;
   }
   return { radiance, share, clipped };
 }

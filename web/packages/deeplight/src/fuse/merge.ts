@@ -44,7 +44,7 @@ export function environmentOf(from: Gathered, worldFromFrame: Matrix3x3, height:
     return known * seen.radiance[i]! + (1 - known) * value;
   });
   addLostLobe(radiance, logs!, mean!, seen.share, height);
-  if (seen.clipped.includes(1)) {
+  if (seen.clipped.some((channels) => channels > 0)) {
     raiseLamps(radiance, mean!, seen, expectedPower(views, logGain), height);
   }
   return { radiance, seen: seen.share, height };
@@ -217,13 +217,13 @@ function raiseLamps(
   if (total <= 0 || !missing.some((value) => value > 0)) return;
   let [bound, shares] = [0, 0];
   const share = new Float64Array(clipped.length);
-  clipped.forEach((is, i) => {
-    if (!is) return;
+  clipped.forEach((channels, i) => {
+    if (!channels) return;
     const weight = sr[Math.floor(i / (2 * height))]!;
     const own = R * radiance[3 * i]! + G * radiance[3 * i + 1]! + B * radiance[3 * i + 2]!;
     const expected = R * mean[3 * i]! + G * mean[3 * i + 1]! + B * mean[3 * i + 2]!;
     bound += own * weight;
-    share[i] = own * expected ** 2;
+    share[i] = (channels / 3) ** 3 * own * expected ** 2;
     shares += share[i]! * weight;
   });
   total = Math.min(total, BRIGHTEST * bound);
