@@ -224,9 +224,11 @@ def _oracle(case: Case, session: Session, found: Environment) -> Lighting:
 
 def turn_table(cases: Sequence[Case]) -> None:
     """How steady the light is in the world while one turns twice, exposure taken out."""
-    head = ("over a turn", "brightest / darkest", "grey ball swings", "main light wanders, per 60°")
-    head = (*head, "power off at the start", "and at the end")
-    print(f"| {' | '.join(head)} |\n|---|---|---|---|---|---|")
+    print(
+        "| over a turn | brightest / darkest | grey ball swings | main light wanders, per 60° ",
+        end="",
+    )
+    print("| power off at the start | and at the end |\n|---|---|---|---|---|---|")
     kinds: dict[str, list[list[float]]] = {}
     for case in cases:
         ring = SETS["a turn"]
@@ -304,24 +306,31 @@ def trouble_table(panoramas: Sequence[np.ndarray], network: OnnxEstimator) -> No
 
 def main(args: Args) -> None:
     """Print the tables; put them into a document if one is named."""
-    before = "" if args.into is None else args.into.read_text(encoding="utf-8")
-    if args.into is not None and not all(mark in before for mark in MARKS):
-        raise SystemExit(f"{args.into} has no {' and '.join(mark.strip() for mark in MARKS)}")
+    if args.into is None:
+        _print(args)
+        return
+    _parts_of(args.into)  # so that a document without the marks fails at once
     printed = _Copied()
     with redirect_stdout(printed):
         _print(args)
-    if args.into is not None:
-        start, end = before.index(MARKS[0]) + len(MARKS[0]), before.index(MARKS[1])
-        text = re.sub(r"\n{2,}", "\n\n", printed.getvalue())
-        args.into.write_text(before[:start] + text.strip() + "\n" + before[end:], encoding="utf-8")
+    before, after = _parts_of(args.into)
+    tables = re.sub(r"\n{2,}", "\n\n", printed.getvalue()).strip()
+    args.into.write_text(f"{before}{tables}\n{after}", encoding="utf-8")
+
+
+def _parts_of(document: Path) -> tuple[str, str]:
+    """What stands before and after the tables, marks included."""
+    text = document.read_text(encoding="utf-8")
+    if not all(mark in text for mark in MARKS):
+        raise SystemExit(f"{document} has no {' and '.join(mark.strip() for mark in MARKS)}")
+    return text[: text.index(MARKS[0]) + len(MARKS[0])], text[text.index(MARKS[1]) :]
 
 
 class _Copied(io.StringIO):
-    """What is printed, kept as well."""
+    """What is printed, kept; people see it on stderr meanwhile."""
 
     def write(self, text: str) -> int:
-        sys.__stdout__.write(text)
-        sys.__stdout__.flush()
+        print(text, end="", file=sys.stderr, flush=True)
         return super().write(text)
 
 
@@ -338,10 +347,8 @@ def _print(args: Args) -> None:
         if "seen" in args.tables:
             print(f"{of}:\n")
             seen.append(seen_table(cases))
-        if "merging" in args.tables:
-            print(
-                f"Ways of merging, after one level turn, {of}; the last row has the true radiance"
-            )
+        if "merging" in args.tables and split == splits[-1]:
+            print(f"Ways of merging after one level turn, {of}; the last has the true radiance")
             print("where every view clipped, which is what there is still to gain:\n")
             merging_table(cases)
         if "turn" in args.tables:

@@ -1,6 +1,6 @@
 """A video in, the video with the objects standing in it out."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -11,11 +11,13 @@ from jaxtyping import Float, UInt8
 from deeplight.compose.compose import ComposeSettings, Item, matched, placed, rendered, scene_of
 from deeplight.compose.follow import Follower, turned_to
 from deeplight.compose.gravity import CameraPlacement, viewpoint_of
+from deeplight.compose.ground import Viewpoint
 from deeplight.compose.look import Look
 from deeplight.compose.scene import Scene
 from deeplight.compose.trace import Quality
 from deeplight.estimators.onnx import OnnxEstimator
-from deeplight.fuse.session import Session
+from deeplight.frames import Rotation
+from deeplight.fuse.session import CHANGED, Session
 from deeplight.io.photos import Photo
 from deeplight.io.video import VideoFrame, facts, video_frames
 from deeplight.io.video_writer import VideoWriter
@@ -46,9 +48,10 @@ def compose_video(
         settings: how to render.
         placement: what is known of how the camera stood.
         light: latlong radiance in the first frame's camera, which then stands still in the world;
-            left out, it is fused from all frames so far, so that it stands still as well.
+            left out, it is fused from all frames before the first is lit, so that it stands still
+            as well; a light that is switched on the way parts the video.
         gain: factor on the light.
-        progress: called with (frames done, frames in all, None if unknown).
+        progress: called with (frames done, frames in all, None if unknown) while they are lit.
 
     Returns:
         Notes on what was assumed.
@@ -61,8 +64,10 @@ def compose_video(
     first = next(source)
     film = _begin(video, first, items, settings, placement, light, gain)
     size = first.luma.shape[1] // 2 * 2, first.luma.shape[0] // 2 * 2  # codecs want even sides
+    lights = _watched(film, video) if light is None else None
     with VideoWriter(out, *size, known.rate_hz or 30.0) as writer:
-        for number, (time_s, pixels) in enumerate(_frames(film, chain([first], source)), 1):
+        lit = _frames(film, chain([first], source), lights)
+        for number, (time_s, pixels) in enumerate(lit, 1):
             writer.write(pixels[: size[1], : size[0]], time_s)
             progress(number, known.frames)
     return film.notes
@@ -74,11 +79,11 @@ class _Film:
 
     settings: ComposeSettings
     estimator: OnnxEstimator
-    given_light: np.ndarray | None
+    given_light: np.ndarray
     gain: np.float32
     scene: Scene
     look: Look
-    follower: Follower
+    stands_at: tuple[float, float]
     anchor: np.ndarray
     notes: tuple[str, ...]
 
@@ -105,17 +110,90 @@ def _begin(
     return _Film(
         settings,
         estimator,
-        None if given is None else light,
+        light,
         factor,
         scene,
         matched(photo.pixels, settings),
-        Follower(first.luma.astype(np.float32), float(x), float(y)),
+        (float(x), float(y)),
         anchor,
         (*estimate.notes, *assumed, *notes, *limited),
     )
 
 
-def _session(film: _Film) -> Session:
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a video in one and the same light.
+
+    Attributes:
+        start: its first frame.
+        radiance: latlong, in the world, in the unit of the video's first frame.
+    """
+
+    start: int
+    radiance: Float[np.ndarray, "rows columns 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Lights:
+    """The light of every frame of a video, standing still in the world.
+
+    Attributes:
+        parts: in order, the first from frame 0 on.
+        log_gain: ln of each frame's exposure and white balance over the first frame's.
+    """
+
+    parts: tuple[Part, ...]
+    log_gain: Float[np.ndarray, "frames 3"]
+
+    def at(self, frame: int, turn: Rotation) -> Float[np.ndarray, "rows columns 3"]:
+        """In a frame's camera, turned `turn` (world_from_camera), relative to its white."""
+        part = [part for part in self.parts if part.start <= frame][-1]
+        gain = np.exp(self.log_gain[min(frame, len(self.log_gain) - 1)]).astype(np.float32)
+        return turned_latlong(part.radiance, turn.T) * gain
+
+
+def gathered_lights(
+    session: Session, frames: Iterable[tuple[UInt8[np.ndarray, "height width 3"], Rotation]]
+) -> Lights:
+    """Look at all frames of a video: what the last one shows lights the first one as well.
+
+    Args:
+        session: without views.
+        frames: upright pixels, and how the camera was turned (world_from_camera).
+    """
+    world = np.eye(3)
+    parts: list[Part] = []
+    gains: list[np.ndarray] = []
+    start, changed = 0, None  # a part that may begin, and the light before it
+    for number, (pixels, turn) in enumerate(frames):
+        added = session.add(pixels, turn)
+        gains.append(added.log_gain)
+        if added.disagreement <= CHANGED and not added.forgotten:
+            changed = None
+        elif changed is None:
+            changed = Part(number, session.environment(world, height=LIGHT_ROWS).radiance)
+        if added.forgotten and changed is not None:
+            parts.append(Part(start, changed.radiance))
+            start, changed = changed.start, None
+    parts.append(Part(start, session.environment(world, height=LIGHT_ROWS).radiance))
+    return Lights(tuple(parts), _corrected(np.stack(gains), session))
+
+
+def _corrected(
+    gains: Float[np.ndarray, "frames 3"], session: Session
+) -> Float[np.ndarray, "frames 3"]:
+    """Gains as the whole video has them: what became of the kept views', between them as well."""
+    numbers = np.array([view.number for view in session.views])
+    order = np.argsort(numbers)
+    change = session.gains[order] - gains[numbers[order]]
+    frames = np.arange(len(gains))
+    # Before the first kept view there was another light, of which nothing is known any more.
+    more = [np.interp(frames, numbers[order], change[:, c], left=0.0) for c in range(3)]
+    result: np.ndarray = gains + np.stack(more, axis=1)
+    return result
+
+
+def _watched(film: _Film, video: Path) -> Lights:
     fov_rad = film.scene.viewpoint.camera.vertical_fov_rad
 
     def estimate(pixels: np.ndarray) -> np.ndarray:
@@ -123,27 +201,34 @@ def _session(film: _Film) -> Session:
         logs: np.ndarray = np.log(np.maximum(radiance, _DARKEST))
         return logs
 
-    return Session(fov_rad, estimate)
+    frames = ((still.rgb(), now.world_from_camera) for still, now in _followed(film, video))
+    return gathered_lights(Session(fov_rad, estimate), frames)
+
+
+def _followed(
+    film: _Film, source: Path | Iterator[VideoFrame]
+) -> Iterator[tuple[VideoFrame, Viewpoint]]:
+    """Frames, and from where each was taken."""
+    stills = video_frames(source) if isinstance(source, Path) else source
+    now, follower = film.scene.viewpoint, None
+    for still in stills:
+        luma = still.luma.astype(np.float32)
+        follower = follower or Follower(luma, *film.stands_at)
+        now = turned_to(now, film.anchor, *follower.update(luma))
+        yield still, now
 
 
 def _frames(
-    film: _Film, source: Iterator[VideoFrame]
+    film: _Film, source: Iterator[VideoFrame], lights: Lights | None
 ) -> Iterator[tuple[float, UInt8[np.ndarray, "height width 3"]]]:
     """Time and pixels of every finished frame."""
-    before = film.scene.viewpoint
-    session = _session(film)
-    for still in source:
-        pixels = still.rgb()
-        x, y = film.follower.update(still.luma.astype(np.float32))
-        now = turned_to(before, film.anchor, x, y)
-        if film.given_light is None:
-            turn = now.world_from_camera
-            added = session.add(pixels, turn)
-            light = film.gain * session.environment(turn, added.log_gain, LIGHT_ROWS).radiance
-        else:  # a given light stands still in the world
-            new_from_first = now.world_from_camera.T @ film.scene.viewpoint.world_from_camera
-            light = turned_latlong(film.given_light, new_from_first)
-        before = now
+    first_turn = film.scene.viewpoint.world_from_camera
+    for number, (still, now) in enumerate(_followed(film, source)):
+        turn = now.world_from_camera
+        if lights is None:  # a given light stands still in the world
+            light = turned_latlong(film.given_light, turn.T @ first_turn)
+        else:
+            light = film.gain * lights.at(number, turn)
         scene = replace(film.scene, viewpoint=now, light=light)
         settings = replace(film.settings, seed=still.number)
-        yield still.time_s, rendered(pixels, scene, film.look, settings).pixels
+        yield still.time_s, rendered(still.rgb(), scene, film.look, settings).pixels

@@ -69,7 +69,7 @@ def preview(
     below = 64 + LIGHT_SIZE[1] + 40
     canvas.paste(_tone_mapped(environment.radiance, DARK_STOPS, DIM_SIZE), (left, below))
     draw.text((left, below + DIM_SIZE[1] + 8), f"{-DARK_STOPS:.0f} stops darker", FAINT, _font(16))
-    _draw_spheres(canvas, environment, left + DIM_SIZE[0], below)
+    draw_spheres(canvas, environment, left + DIM_SIZE[0], below)
     return np.asarray(canvas)
 
 
@@ -98,8 +98,11 @@ def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> None:
     draw.text((MARGIN, 64 + size[1] + 12), caption, FAINT, _font(16))
 
 
-def _draw_spheres(canvas: Image.Image, environment: Environment, left: int, top: int) -> None:
-    """A mirror ball as sharp as the environment, and the two that scatter."""
+def draw_spheres(canvas: Image.Image, environment: Environment, left: int, top: int) -> None:
+    """A mirror ball as sharp as the environment, and the two that scatter, from `left` on.
+
+    They stand in a row that ends at the margin of a canvas `WIDTH` pixels wide.
+    """
     draw = ImageDraw.Draw(canvas)
     spheres = relight_rig(PAPER_RIG, environment.lighting)
     pictures = {"mirror": _mirror(environment)}

@@ -13,18 +13,15 @@ from PIL import Image, ImageDraw, ImageFont
 from deeplight.camera_response import CameraResponse
 from deeplight.environment import Environment
 from deeplight.estimators.network import NetworkEstimator
+from deeplight.estimators.preview import FAINT, INK, MARGIN, PAPER, SPHERE, WIDTH, draw_spheres
 from deeplight.fuse.fuse import Fused
 from deeplight.io.atomic import staging
 from deeplight.io.lighting_file import Turn, save_lighting, seen_record
 from deeplight.io.photos import write_png
 from deeplight.mappings import latlong
-from deeplight.relight import relight_rig
-from deeplight.sphere import PAPER_RIG
 
-WIDTH, MARGIN = 1280, 24
 _THUMB_ROWS, _MOST_THUMBS = 96, 16
-_SPHERE = 150
-_PAPER, _INK, _FAINT, _WARN = (20, 22, 26), (236, 238, 242), (146, 152, 162), (255, 120, 90)
+_WARN = (255, 120, 90)
 _UNSEEN_DIM = 0.35  # how much darker the preview shows what no frame saw
 
 
@@ -111,18 +108,17 @@ def preview(fused: Fused, title: str) -> UInt8[np.ndarray, "height width 3"]:
         pano = (pano * (1 - _UNSEEN_DIM * (1 - share))).astype(np.uint8)
     picture = Image.fromarray(pano).resize((width, width // 2), Image.Resampling.LANCZOS)
     top, below = MARGIN + 40, MARGIN + 40 + width // 2 + 16
-    height = below + max(_SPHERE, _THUMB_ROWS + 24) + MARGIN
-    canvas = Image.new("RGB", (WIDTH, height), _PAPER)
+    height = below + SPHERE + 32 + MARGIN
+    canvas = Image.new("RGB", (WIDTH, height), PAPER)
     draw = ImageDraw.Draw(canvas)
     font, small = ImageFont.load_default(22), ImageFont.load_default(15)
-    draw.text((MARGIN, MARGIN), title[:60], _INK, font)
+    draw.text((MARGIN, MARGIN), title[:60], INK, font)
     caption = f"{seen_share(environment):.0%} seen; the rest, darker, is estimated"
-    draw.text((WIDTH - MARGIN, MARGIN + 4), caption, _FAINT, small, anchor="ra")
+    draw.text((WIDTH - MARGIN, MARGIN + 4), caption, FAINT, small, anchor="ra")
     canvas.paste(picture, (MARGIN, top))
-    for k, sphere in enumerate(relight_rig(PAPER_RIG, environment.lighting).values()):
-        disc = Image.fromarray(_tone_mapped(sphere)).resize((_SPHERE, _SPHERE))
-        canvas.paste(disc, (WIDTH - MARGIN - (3 - k) * (_SPHERE + 8), below))
-    _thumbnails(canvas, fused, below, WIDTH - 2 * MARGIN - 3 * (_SPHERE + 8), small)
+    spheres = WIDTH - MARGIN - 3 * (SPHERE + 24)
+    draw_spheres(canvas, environment, spheres, below)
+    _thumbnails(canvas, fused, below, spheres - MARGIN, small)
     return np.asarray(canvas)
 
 
@@ -150,7 +146,7 @@ def _thumbnails(
     text = f"{len(fused.placed)} frames placed"
     if fused.dropped:
         text += f", {len(fused.dropped)} could not be (outlined)"
-    draw.text((MARGIN, top + _THUMB_ROWS + 6), text, _FAINT, font)
+    draw.text((MARGIN, top + _THUMB_ROWS + 6), text, FAINT, font)
 
 
 def _tone_mapped(radiance: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:

@@ -21,7 +21,8 @@ from deeplight.io.video import VideoFrame, is_video, video_frames
 
 MOST_FRAMES = 160
 """Of a clip; when more would be kept every other one is dropped."""
-_MOVED, _ENOUGH = 0.07, 0.14  # of the picture's width: between these the sharpest frame is kept
+_MOVED, _ENOUGH = 0.1, 0.2  # of the picture's width: between these the sharpest frame is kept
+_LEAST_STEP_S = 1 / 16  # frames nearer in time than this show the same: one of them is looked at
 _LONGEST_S = 2.0  # a clip that stands still gives a frame now and then all the same
 _POSED_RAD = math.radians(6)
 _TINY = 96  # pixels along the shorter side where movement is looked at
@@ -63,10 +64,7 @@ def read_frames(paths: Sequence[Path], poses: Poses | None) -> list[SourceFrame]
     if clips and len(paths) > 1:
         raise ConfigError("one clip, or photos", f"{len(paths)} files", "fuse them one by one")
     if clips:
-        frames = list(_of_clip(clips[0], poses))
-        while len(frames) > MOST_FRAMES:
-            frames = frames[::2]
-        return frames
+        return _thinned(_of_clip(clips[0], poses))
     found: list[SourceFrame] = []
     for path in paths:
         if is_panorama(path):
@@ -123,6 +121,18 @@ def _of_clip(path: Path, poses: Poses | None) -> Iterator[SourceFrame]:
         yield frame_of(photo, f"frame {still.number}", still.number, still.time_s)
 
 
+def _thinned(source: Iterator[SourceFrame]) -> list[SourceFrame]:
+    """At most `MOST_FRAMES`, evenly spread: memory does not grow with the clip."""
+    frames: list[SourceFrame] = []
+    step = 1
+    for count, frame in enumerate(source):
+        if count % step == 0:
+            frames.append(frame)
+        if len(frames) > MOST_FRAMES:
+            frames, step = frames[::2], 2 * step
+    return frames
+
+
 def _posed(source: Iterator[VideoFrame], poses: Poses) -> Iterator[VideoFrame]:
     """Frames that have a pose, a few degrees apart."""
     last: Rotation | None = None
@@ -138,7 +148,11 @@ def _moving(source: Iterator[VideoFrame]) -> Iterator[VideoFrame]:
     first = next(source)
     yield first
     key, key_s, best = _tiny(first), first.time_s, None
+    looked_s = first.time_s
     for still in source:
+        if still.time_s - looked_s < _LEAST_STEP_S:
+            continue
+        looked_s = still.time_s
         now = _tiny(still)
         moved = _movement(key, now)
         sharpness = _sharpness(now)
