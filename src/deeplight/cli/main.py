@@ -22,6 +22,7 @@ VERBS = {
     "fetch": "fetch CC0 panoramas from Poly Haven to film in",
     "capture": "clips of the filmed spheres in: a data set, and a report for each clip",
     "train": "train the network on a data set",
+    "calibrate": "your own clips of the spheres in: the model, brought to your phone",
     "transfer": "radiance transfer of an object, for shading it in real time",
     "convert": "light in any format and mapping, for any tool, edited on the way",
     "demo": "the live page: camera or photo in, its light out, in the browser",

@@ -1,0 +1,39 @@
+"""From data sets of one's own clips to a model of one's own."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from deeplight.calibrate.gains import Calibration, find_gains, views_of
+from deeplight.calibrate.model import write_with_gains
+from deeplight.dataset import open_dataset
+from deeplight.estimators.onnx import OnnxEstimator, shipped_model
+from deeplight.evaluate.models import NamedModel
+
+
+def calibrate_model(
+    data: Sequence[Path],
+    out: Path,
+    weights: Path | None = None,
+    progress: Callable[[int], None] = lambda examples: None,
+) -> Calibration:
+    """Write a model whose light suits the phone that filmed some data sets; only if it is better.
+
+    Args:
+        data: folders of data sets of three-sphere clips, as `deeplight capture` makes them.
+        out: the .onnx to write.
+        weights: the exported model to start from; left out, the shipped one.
+        progress: called with the number of examples looked at since the last call.
+
+    Raises:
+        InputError: too few places, or a model that is not better in places left out; a data set
+            or a model that cannot be read. Nothing is written.
+        OSError: `out` cannot be written.
+    """
+    source = shipped_model() if weights is None else weights
+    model = NamedModel("model", OnnxEstimator(weights))
+    views = [part for folder in data for part in views_of(model, open_dataset(folder), progress)]
+    found = find_gains(views)
+    red, green, blue = found.log_gains
+    note = f"calibrated in {found.places} places: ln gains {red:+.3f} {green:+.3f} {blue:+.3f}"
+    write_with_gains(source, out, found.log_gains, note)
+    return found

@@ -1,0 +1,83 @@
+"""Bring the shipped model to your own phone with clips of the three spheres filmed with it.
+
+deeplight calibrate clips/ --out mine.onnx
+
+Three places or more, a clip each. Nothing is written unless the light becomes better in places
+that are left out in turn. Then `deeplight estimate photo.jpg --model mine.onnx`.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `deeplight calibrate`."""
+
+    clips: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CLIP...")]
+    """Videos of the filmed spheres, folders of videos, or data sets of `deeplight capture`."""
+    out: Path
+    """The .onnx to write."""
+    weights: Path | None = None
+    """The exported model to start from; left out, the shipped one."""
+    captured: Path | None = None
+    """Where the videos' examples and reports go; left out, next to --out. A second run goes on."""
+    fov: float | None = None
+    """As for `deeplight capture`: vertical field of view of the upright full frame, in degrees."""
+
+
+def run(args: Args) -> None:
+    """Capture what is video, find the gains, write the model, print what it does.
+
+    Raises:
+        InputError: no usable clip, too few places, or no better model.
+        OSError: a file cannot be written.
+    """
+    from rich.markup import escape
+
+    from deeplight.calibrate.gains import words
+    from deeplight.calibrate.run import calibrate_model
+    from deeplight.cli.screen import progress_bar, results_console
+    from deeplight.dataset.manifest import MANIFEST
+    from deeplight.errors import ConfigError
+
+    if args.out.suffix.lower() != ".onnx":
+        raise ConfigError("--out FILE.onnx", f"{args.out}", "correct it")
+    data = [path for path in args.clips if (path / MANIFEST).is_file()]
+    videos = [path for path in args.clips if path not in data]
+    if videos:
+        data.append(_captured(args, videos))
+    with progress_bar("looking at examples", None) as advance:
+        found = calibrate_model(data, args.out, args.weights, advance)
+    red, green, blue = (math.exp(value) for value in found.log_gains)
+    console = results_console()
+    console.print(f"{found.places} places, left out in turn: {words(found.before, found.after)}")
+    console.print(escape(f"{args.out}: light times {red:.2f} {green:.2f} {blue:.2f} (R G B)"))
+
+
+def _captured(args: Args, videos: list[Path]) -> Path:
+    """The data set that the videos become."""
+    from deeplight.capture.catalogue import find_clips
+    from deeplight.capture.clip import CaptureSettings
+    from deeplight.capture.run import Outcome, capture, plan
+    from deeplight.cli.screen import progress_bar
+    from deeplight.errors import ConfigError
+
+    if args.fov is not None and not 0 < args.fov < 180:
+        raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
+    fov_rad = None if args.fov is None else math.radians(args.fov)
+    folder = args.captured or args.out.with_name(f"{args.out.stem}-clips")
+    what = plan(find_clips(videos), folder, CaptureSettings(vertical_fov_rad=fov_rad))
+    with progress_bar("capturing clips", len(what.missing)) as bar:
+
+        def show(outcome: Outcome) -> None:
+            bar(1)
+            if outcome.reason:
+                bar.console.print(f"{outcome.clip.path.name}: {outcome.reason}", markup=False)
+
+        capture(what, progress=show)
+    return folder

@@ -1,0 +1,174 @@
+"""`deeplight calibrate`: the gains of another phone are found, put into the model, or refused."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnx")
+
+from deeplight.calibrate.gains import GRID, Calibration, Views, find_gains, shrunk, views_of
+from deeplight.calibrate.model import write_with_gains
+from deeplight.camera_response import encode
+from deeplight.cli.main import main
+from deeplight.contract import ModelContract
+from deeplight.dataset import Example, ExampleMeta, ShardJob, open_dataset
+from deeplight.errors import InputError
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.evaluate.scores import rendered_radiance
+from deeplight.preprocess import normalise
+from deeplight.reflectance import rig_bases
+from deeplight.sphere import PAPER_RIG
+from toy_data import write_toy_data
+
+TRUE_GAINS = np.array([0.25, 0.0, -0.3])
+BASES = rig_bases(PAPER_RIG)
+
+
+def photos(count, seed=0):
+    shape = (count, 192, 135, 3)
+    return np.random.default_rng(seed).integers(0, 256, shape).astype(np.uint8)
+
+
+class Even:
+    """A model that sees one even light, whatever the photo."""
+
+    name = "even"
+
+    def estimate_inputs(self, inputs):
+        return np.full((len(inputs), 32, 32, 3), np.log(0.3), np.float32)
+
+
+def filmed(places, log_gains, noise=0.0, seed=1):
+    """Spheres filmed in an even light times gains, which noise moves from place to place."""
+    names = np.repeat(np.array(places), 2)
+    random = np.random.default_rng(seed)
+    moved = {place: random.normal(0, noise, 3) for place in places}
+    light = np.full((len(names), 32, 32, 3), np.log(0.3), np.float32)
+    rendered = rendered_radiance(BASES, light)
+    gain = np.exp([log_gains + moved[name] for name in names]).astype(np.float32)[:, None, None]
+    pixels = {name: encode(np.clip(values * gain, 0, 1)) for name, values in rendered.items()}
+    return Views(names, rendered, pixels, BASES)
+
+
+def test_the_gains_of_a_phone_are_found_wherever_it_filmed():
+    found = find_gains([filmed(("a", "b"), TRUE_GAINS), filmed(("c", "d"), TRUE_GAINS)])
+    np.testing.assert_allclose(found.log_gains, TRUE_GAINS, atol=0.01)
+    assert found.places == 4
+    for name, value in found.after.items():
+        assert value < 0.1 * found.before[name]
+
+
+def test_what_only_chance_says_is_refused():
+    """Places that differ from each other and not from the model on the whole."""
+    with pytest.raises(InputError, match="nothing was written"):
+        find_gains([filmed(tuple("abcdef"), np.zeros(3), noise=0.2)])
+    # The twin: the same chance on top of what the phone does.
+    assert find_gains([filmed(tuple("abcdef"), 3 * TRUE_GAINS, noise=0.2)]).places == 6
+
+
+def test_two_places_are_too_few():
+    with pytest.raises(InputError, match="at least 3 places"):
+        find_gains([filmed(("a", "b"), TRUE_GAINS)])
+
+
+def test_brightness_and_colour_are_believed_apart():
+    gains = np.array([[0.3, 0.0, -0.6]])
+    np.testing.assert_allclose(shrunk(gains, 1, 0), np.full((1, 3), gains.mean()))
+    np.testing.assert_allclose(shrunk(gains, 0, 1).sum(), 0, atol=1e-12)
+    np.testing.assert_allclose(shrunk(gains, 0.5, 0.5), gains / 2)
+    assert GRID[len(GRID) // 2] == pytest.approx(0, abs=1e-6)
+
+
+def test_the_model_gives_the_same_light_times_the_gains(root, tmp_path):
+    """Lamps included; nothing else moves; and its network is read back with them."""
+    shipped = root / "src" / "deeplight" / "weights" / "deeplight.onnx"
+    out = tmp_path / "mine.onnx"
+    write_with_gains(shipped, out, tuple(TRUE_GAINS), "mine")
+    before, after = OnnxEstimator(shipped), OnnxEstimator(out)
+    inputs = np.random.default_rng(0).uniform(-0.5, 0.5, (2, 3, 192, 135)).astype(np.float32)
+    light, lamps = before.estimate_with_lamps(inputs)
+    moved, their_lamps = after.estimate_with_lamps(inputs)
+    np.testing.assert_allclose(moved, light + TRUE_GAINS, atol=1e-4)
+    for own, theirs in zip(lamps[0], their_lamps[0], strict=True):
+        np.testing.assert_allclose(theirs.flux, own.flux * np.exp(TRUE_GAINS), rtol=1e-3)
+    assert after.contract.trained_on.endswith("; mine")
+    assert after.contract.lamps == before.contract.lamps
+    if pytest.importorskip("torch"):
+        import torch
+
+        from deeplight.training.model_file import load_network
+
+        with torch.no_grad():
+            read = load_network(out)[0](torch.from_numpy(inputs)).permute(0, 2, 3, 1).numpy()
+        np.testing.assert_allclose(read, moved, atol=1e-3)
+
+
+def tinted(job: ShardJob):
+    """The spheres are brighter and redder than the tiny network says, in every place."""
+    for number in range(job.first, job.first + job.count):
+        photo = photos(1, number)[0]
+        spheres = {
+            name: np.full((32, 32, 3), (200, 120, 60), np.uint8)
+            for name in ("mirror", "matte_silver", "diffuse")
+        }
+        meta = ExampleMeta(
+            f"{job.split}-{number}",
+            "take",
+            number,
+            "indoor",
+            job.split,
+            "paper",
+            "mine",
+            "CC0",
+            "-",
+        )
+        yield Example(f"{job.split}-{number}", photo, spheres, meta)
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    return write_toy_data(tmp_path_factory.mktemp("clips"), {"train": 4, "val_indoor": 4}, tinted)
+
+
+def test_the_command_writes_a_better_model(root, clips, tmp_path, capfd):
+    tiny, out = root / "tests" / "golden" / "tiny.onnx", tmp_path / "mine.onnx"
+    words = ["calibrate", str(clips), "--weights", str(tiny), "--out", str(out)]
+    assert main(words) == 0
+    assert "left out in turn" in capfd.readouterr().out
+    wanted = 2.2 * np.log(200 / 60)  # how much redder than blue the spheres are
+    redder = []
+    for model in (tiny, out):
+        light = np.exp(OnnxEstimator(model).estimate_inputs(np.stack([normalise(photos(1))[0]])))
+        redder.append(np.log(light[..., 0].mean() / light[..., 2].mean()))
+    assert abs(redder[1] - wanted) < 0.5 * abs(redder[0] - wanted)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--out", "a.tflite"), "--out FILE.onnx"),
+        (("--weights", "b.onnx", "--out", "a.onnx"), "b."),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(clips, tmp_path, monkeypatch, capfd, words, message):
+    monkeypatch.chdir(tmp_path)
+    assert main(["calibrate", str(clips), *words]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert message in line
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_split_of_the_clips_is_looked_at(clips):
+    views = views_of(Even(), open_dataset(clips))
+    assert sum(len(part.places) for part in views) == 8
+    assert isinstance(find_gains(views), Calibration)
+
+
+def test_a_network_of_others_is_refused(tmp_path):
+    import onnx
+    from onnx import helper
+
+    model = helper.make_model(helper.make_graph([], "none", [], []))
+    onnx.save(model, str(tmp_path / "other.onnx"))
+    with pytest.raises(InputError, match="of deeplight"):
+        write_with_gains(tmp_path / "other.onnx", tmp_path / "a.onnx", (0, 0, 0), "")
+    assert ModelContract().trained_on == ""
