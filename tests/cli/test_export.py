@@ -9,6 +9,7 @@ import pytest
 from deeplight.cli.main import main
 from deeplight.deploy import onnx
 from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.mappings.mirror_ball import solid_angles
 from deeplight.training import checkpoint
 from deeplight.training.config import flatten
 from deeplight.training.model_file import load_network
@@ -142,7 +143,8 @@ def averaged(tiny, tmp_path_factory):
     return OnnxEstimator(out), generator, load_network(tiny)[0]
 
 
-def test_several_networks_answer_with_the_mean_of_their_radiance(averaged):
+def test_several_networks_answer_with_the_mean_of_their_light(averaged):
+    """Its power is the mean power of all answers, exactly; and away from lamps so is the light."""
     import torch
 
     estimator, *networks = averaged
@@ -152,9 +154,28 @@ def test_several_networks_answer_with_the_mean_of_their_radiance(averaged):
         answers += [n(photo.flip(-1)).exp().flip(-1) for n in networks]
     expected = torch.stack(answers).mean(0).permute(0, 2, 3, 1).numpy()
     found = np.exp(estimator.estimate_inputs(photos()))
-    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    area = solid_angles(16)[..., None]
+    power = (found * area).sum((1, 2))
+    np.testing.assert_allclose(power, (expected * area).sum((1, 2)), rtol=1e-3)
+    assert np.median(np.abs(found / expected - 1)[:, area[..., 0] > 0]) < 0.02
     # The twin that must fail: one part alone.
-    assert np.abs(found / answers[0].permute(0, 2, 3, 1).numpy() - 1).max() > 0.1
+    assert (
+        np.abs(power / (answers[0].permute(0, 2, 3, 1).numpy() * area).sum((1, 2)) - 1).max() > 0.1
+    )
+
+
+def test_lamps_that_agree_take_the_flux_of_one_that_stands_alone():
+    import torch
+
+    from deeplight.training.network.average import agreeing
+
+    toward = [[0.0, 1.0, 0.0], [0.1, 0.995, 0.0], [0.0, -1.0, 0.0]]
+    lamps = torch.tensor([[[*d, 0.0, 0.1, -0.1, 0.2] for d in toward]])
+    shared = agreeing(lamps)[0, :, 3:6].exp()
+    torch.testing.assert_close(shared.sum(0), lamps[0, :, 3:6].exp().sum(0))
+    assert shared[0, 0] / shared[2, 0] > 100
+    alone = lamps[:, [0, 2]]  # the twin: two that point apart keep theirs
+    torch.testing.assert_close(agreeing(alone), alone)
 
 
 def test_with_flips_a_mirrored_photo_has_mirrored_light_and_lamps(averaged):

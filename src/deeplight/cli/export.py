@@ -20,7 +20,7 @@ class Args:
 
     models: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="MODEL...")]
     """Folder of a training run, a best.safetensors, or an .onnx of deeplight. Several become one
-    .onnx that answers with the mean of their radiance."""
+    .onnx that answers with the mean of their light and the lamps they agree on."""
     out: Path
     """File to write."""
     format: Literal["onnx", "tflite"] | None = None
@@ -39,6 +39,8 @@ class Args:
     flips: bool = False
     """Answer the mirrored photo as well, in the same file, and take the mean: twice the work, and
     a photo and its mirror image have mirrored light."""
+    shares: tuple[float, ...] = ()
+    """Of each of several networks in the mean; left out, all alike."""
 
 
 def run(args: Args) -> None:
@@ -58,6 +60,7 @@ def run(args: Args) -> None:
             args.trained_on,
             args.without_colour,
             args.flips,
+            args.shares,
         )
     size = args.out.stat().st_size / 1e6
     console.print(

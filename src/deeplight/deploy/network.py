@@ -28,12 +28,13 @@ def write_network(
     trained_on: str = "",
     without_colour: bool = False,
     flips: bool = False,
+    shares: Sequence[float] = (),
 ) -> ModelContract:
     """Write a trained network to `out`; gives the contract in the file.
 
     Args:
         model: folder of a training run, a best.safetensors, or an .onnx of ours; several of them
-            become one file that answers with the mean of their radiance (ONNX only).
+            become one file that answers with the mean of their light (ONNX only).
         out: file to write.
         kind: onnx or tflite; left out, the suffix of `out` decides.
         precision: float32, float16, int8-weights or int8; the last two are TFLite's.
@@ -42,6 +43,7 @@ def write_network(
         trained_on: what a run was trained on, in words; the file keeps them.
         without_colour: leave out what a run learnt of the photo's colour (`network.colour`).
         flips: answer the mirrored photo too and take the mean, at twice the cost (ONNX only).
+        shares: of each network in the mean; left out, all alike.
 
     Raises:
         InputError: the model, the settings or the data set cannot be used.
@@ -51,7 +53,7 @@ def write_network(
     if form != "onnx" and (flips or len(models) > 1):
         do = "write .onnx, or train one network that answers as they do (distil.teacher)"
         raise ConfigError("one network, without --flips, for TFLite", f"{len(models)}", do)
-    generator, contract = _loaded(models, flips, trained_on, without_colour)
+    generator, contract = _loaded(models, flips, shares, trained_on, without_colour)
     if form == "onnx":
         from deeplight.deploy.onnx import export_onnx
 
@@ -67,7 +69,11 @@ def write_network(
 
 
 def _loaded(
-    models: Sequence[Path], flips: bool, trained_on: str, without_colour: bool
+    models: Sequence[Path],
+    flips: bool,
+    shares: Sequence[float],
+    trained_on: str,
+    without_colour: bool,
 ) -> "tuple[nn.Module, ModelContract]":
     """One network as it is; several, or one with flips, as their mean, and the contract of that.
 
@@ -81,7 +87,7 @@ def _loaded(
     if without_colour:
         for generator, _ in networks:
             generator.colour = None
-    if len(networks) == 1 and not flips:
+    if len(networks) == 1 and not flips and not shares:
         return networks[0]
     contract = networks[0][1]
     for path, (_, other) in zip(models, networks, strict=True):
@@ -95,7 +101,7 @@ def _loaded(
         lamps=both * sum(other.lamps for _, other in networks),
         trained_on=f"mean of {len(networks)}{', flipped too' * flips}: {parts}",
     )
-    return Average([generator for generator, _ in networks], flips), contract
+    return Average([generator for generator, _ in networks], flips, shares), contract
 
 
 def _view(contract: ModelContract) -> tuple[Any, ...]:
