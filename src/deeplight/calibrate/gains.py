@@ -158,7 +158,7 @@ def find_gains(views: Sequence[Views]) -> Calibration:
     return Calibration((red, green, blue), len(names), *means)
 
 
-def _gentlest(changes: dict[tuple[float, ...], np.ndarray]) -> tuple[float, ...]:
+def _gentlest(changes: dict[tuple[float, float], np.ndarray]) -> tuple[float, float]:
     """The least of all strengths that are as good as the best, but for chance (one error).
 
     The model knew many phones before: what this one does not need is left as it was.

@@ -2,11 +2,13 @@
 
 deeplight train --data data --out runs/first --preset lamps --weights shipped
 
+deeplight train --data data --out runs/new --preset lamps --fresh my_panoramas
+
 Run again with the same arguments, it goes on where it was stopped, on any number of devices. The
 folder holds run.toml, losses.csv, validation.csv, curves.png, the checkpoints and best.safetensors.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Self
@@ -16,6 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from deeplight.simulate.run import Recipe
 from deeplight.sphere import SPHERES
 
 if TYPE_CHECKING:
@@ -42,6 +45,11 @@ class Args:
     shipped for the model that comes with deeplight."""
     more: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """Another data set to learn from; may be given several times. Validation uses --data alone."""
+    fresh: Path | None = None
+    """Folder of HDR panoramas: learn from takes filmed in them while the run goes on, new ones in
+    every epoch, instead of --data's, which validates."""
+    recipe: Recipe = field(default_factory=lambda: Recipe(train_takes=4, frames=3, phones="v2"))
+    """Of each epoch of --fresh."""
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """Change one setting of the preset: --set schedule.steps=500; repeat for more."""
     devices: int = 1
@@ -67,8 +75,13 @@ def run(args: Args) -> None:
         from deeplight.estimators.onnx import shipped_model  # loads onnxruntime, so only here
 
         weights = shipped_model()
+    fresh = None
+    if args.fresh is not None:
+        from deeplight.simulate.epochs import FilmedEpochs
+
+        fresh = FilmedEpochs(args.fresh, args.out / "fresh", args.recipe)
     with TrainProgress(quiet=not first_process()) as progress:
-        train(args.data, args.out, config, args.imagenet, progress.show, weights, args.more)
+        train(args.data, args.out, config, args.imagenet, progress.show, weights, args.more, fresh)
     if first_process():
         finish(args.out, args.data, args.export)
 

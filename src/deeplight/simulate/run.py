@@ -183,6 +183,12 @@ def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation
         ConfigError: the recipe films nothing in these panoramas.
         DataSetError: no panoramas, or `out` holds a data set of another recipe.
     """
+    jobs, simulation, told = arranged(folder, recipe)
+    return ShardPlan.begin(out, jobs, {PAPER_RIG.name: PAPER_RIG.to_dict()}, told), simulation
+
+
+def arranged(folder: Path, recipe: Recipe) -> tuple[list[ShardJob], Simulation, dict[str, Any]]:
+    """The shards, what films them, and what a plan remembers of that; see `plan`."""
     everything = panorama.places_in(folder)
     usable = [p for p in everything if recipe.synthetic_ground or not p.synthetic_ground]
     left_out = tuple(
@@ -207,8 +213,7 @@ def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation
         got = f"{len(usable)} panoramas with real ground and no takes in them"
         raise ConfigError("something to film", got, "add panoramas, or raise recipe.*_takes")
     simulation = Simulation(recipe, {s: tuple(p) for s, p in places.items()}, left_out)
-    rigs = {PAPER_RIG.name: PAPER_RIG.to_dict()}
-    return ShardPlan.begin(out, jobs, rigs, _described(recipe, usable)), simulation
+    return jobs, simulation, _described(recipe, usable)
 
 
 def simulate(

@@ -143,7 +143,8 @@ def decoded_gib(examples: ExampleBytes) -> float:
     return len(examples) * (first.photo.nbytes + first.spheres.nbytes) / 2**30
 
 
-def _begin_worker(_number: int) -> None:
+def begin_loader(_number: int) -> None:
+    """Prepare a process that decodes."""
     begin_worker()
 
 
@@ -153,9 +154,7 @@ def preload(examples: Dataset[Batch], workers: int, batch_size: int = 16) -> Bat
     count = len(examples)  # type: ignore[arg-type]
     whole = Batch(*(part.new_empty((count, *part.shape)) for part in first))
     start = 0
-    for batch in DataLoader(
-        examples, batch_size, num_workers=workers, worker_init_fn=_begin_worker
-    ):
+    for batch in DataLoader(examples, batch_size, num_workers=workers, worker_init_fn=begin_loader):
         for table, part in zip(whole, batch, strict=True):
             table[start : start + len(part)] = part
         start += len(batch[0])
@@ -207,7 +206,7 @@ class BatchSource:
             num_workers=self.config.workers,
             prefetch_factor=2 if self.config.workers else None,
             pin_memory=self.device.type == "cuda",
-            worker_init_fn=_begin_worker,
+            worker_init_fn=begin_loader,
         )
         for batch in loader:
             yield to_device(Batch(*batch), self.device)

@@ -25,6 +25,7 @@ from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
 from deeplight.training.data import Batch
 from deeplight.training.devices import ALONE, Share
+from deeplight.training.fresh import Epochs
 from deeplight.training.losses import LossTerms, reconstruction_terms
 from deeplight.training.optimiser import set_learning_rate
 from deeplight.training.record import RecentLosses
@@ -43,14 +44,15 @@ def train(
     watch: "Watch | None" = None,
     weights: Path | None = None,
     more: Sequence[Path | str] = (),
+    fresh: Epochs | None = None,
 ) -> list[SphereErrors]:
     """Train into `run_dir`, or go on where its newest checkpoint stopped.
 
     A new run's encoder starts from `imagenet`, or its whole network from `weights`: the
     best.safetensors of an earlier run, or an exported .onnx, whose norms are put back and which
-    may lack the lamps. The training split of every data set of `more` is learnt
-    from, too. Gives the errors of the last validation. On several devices every process runs this;
-    only the first writes, watches and gives errors.
+    may lack the lamps. The training split of every data set of `more` is learnt from, too; with
+    `fresh`, new examples instead of all these. Gives the errors of the last validation. On several
+    devices every process runs this; only the first writes, watches and gives errors.
 
     Raises:
         DataSetError: the data set is missing, broken or without the splits the settings name.
@@ -60,7 +62,8 @@ def train(
     watch = watch or (lambda _: None)
     with only_run(run_dir):
         sources = Sources(data_dir, more)
-        run = Run(set_up(sources, run_dir, config, imagenet, weights, fitting(watch)))
+        setup = set_up(sources, run_dir, config, imagenet, weights, fitting(watch), fresh)
+        run = Run(setup)
         try:
             run.compare_with_constant()
             for batch in run.batches():

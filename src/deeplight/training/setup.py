@@ -19,9 +19,10 @@ from deeplight.training import checkpoint, devices
 from deeplight.training.adversary import Adversary
 from deeplight.training.augment import prepare
 from deeplight.training.config import TrainConfig
-from deeplight.training.data import BatchSource, ExampleBytes, Order, refuse_other_size
+from deeplight.training.data import BatchSource, ExampleBytes, refuse_other_size
 from deeplight.training.devices import Share
 from deeplight.training.fitted import fit_all, principal_components
+from deeplight.training.fresh import Epochs, Fresh, FreshBatches, source_of, with_fresh
 from deeplight.training.losses import RigBases
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, Mixture
@@ -48,12 +49,14 @@ class TrainingData:
     Attributes:
         bases: what the rigs' spheres look like.
         steps: of the whole run.
+        fresh: new examples that are learnt from instead of `examples`, if there are any.
     """
 
     bases: RigBases
     examples: ExampleBytes
     held_out: Mapping[str, ExampleBytes]
     steps: int
+    fresh: Fresh | None
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ class Setup:
     fabric: lightning_fabric.Fabric
     share: Share
     data: TrainingData
-    source: BatchSource
+    source: BatchSource | FreshBatches
     validation: Validation
     networks: Networks
     record: RunRecord
@@ -110,18 +113,20 @@ def set_up(
     imagenet: Path | None = None,
     weights: Path | None = None,
     fitted: Counted = lambda done, count: None,
+    fresh: Epochs | None = None,
 ) -> Setup:
     """Build a run, or put the state of its newest checkpoint back; see `loop.train`."""
+    manifest = with_fresh(sources.fingerprint, fresh, sources.held_out)
     resumed = checkpoint.latest(run_dir)
     saved = checkpoint.load(resumed) if resumed else None
     if saved:
-        checkpoint.refuse_other_run(saved[0], config, sources.fingerprint, run_dir)
+        checkpoint.refuse_other_run(saved[0], config, manifest, run_dir)
     fabric = devices.fabric(config.run, config.schedule.batch_size)
-    data = _open(sources, config)
+    data = _open(sources, config, fresh)
     fabric.launch()  # after everything that refuses: one process reports it
     share = Share(fabric.global_rank, fabric.world_size)
     data.bases.to(fabric.device)
-    source = _source(data, config, fabric.device, share)
+    source = source_of(data.examples, config, fabric.device, share, data.fresh)
     validation = _validation(data, config, fabric.device, share)
     networks = _networks(data, config, fabric, share, bool(saved), imagenet, weights)
     header = checkpoint.Header(0, float("inf"), {}, "") if saved is None else saved[0]
@@ -133,7 +138,7 @@ def set_up(
         facts = {
             "seed": config.run.seed,
             "data": sources.address,
-            "manifest_sha256": sources.fingerprint,
+            "manifest_sha256": manifest,
             "examples": len(data.examples),
             "steps": data.steps,
             "imagenet": str(imagenet or ""),
@@ -147,7 +152,7 @@ def set_up(
     return Setup(
         run_dir,
         config,
-        sources.fingerprint,
+        manifest,
         fabric,
         share,
         data,
@@ -160,7 +165,7 @@ def set_up(
     )
 
 
-def _open(sources: Sources, config: TrainConfig) -> TrainingData:
+def _open(sources: Sources, config: TrainConfig, fresh: Epochs | None) -> TrainingData:
     """Find the examples of every split and what the rigs' spheres look like."""
     network = config.network
     measured = Path(config.loss.bases) if config.loss.bases else None
@@ -172,17 +177,9 @@ def _open(sources: Sources, config: TrainConfig) -> TrainingData:
     examples = ExampleBytes(chosen, names, network.orientation)
     held_out = {name: ExampleBytes(of, names, network.orientation) for name, of in splits.items()}
     refuse_other_size(examples, network.orientation)
-    return TrainingData(bases, examples, held_out, config.schedule.total_steps(len(examples)))
-
-
-def _source(
-    data: TrainingData, config: TrainConfig, device: torch.device, share: Share
-) -> BatchSource:
-    """The training examples, decoded where they are held in memory."""
-    index = data.examples.index
-    places = index.places if config.data.place_balanced else None
-    order = Order(len(index), config.run.seed, places)
-    return BatchSource(data.examples, config.data, order, device, share)
+    steps = config.schedule.total_steps(fresh.length if fresh else len(examples))
+    made = Fresh(fresh, names, network.orientation) if fresh else None
+    return TrainingData(bases, examples, held_out, steps, made)
 
 
 def _validation(

@@ -58,13 +58,17 @@ class Sources:
 
     def refuse_held_out(self, training: Chosen) -> None:
         """Nothing is learnt from a place that any of the data sets keeps for validation or test."""
-        held_out = {
+        shared = sorted(self.held_out.intersection(np.unique(training.places).tolist()))
+        if shared:
+            expected = "training places apart from those of validation and test"
+            raise DataSetError(expected, ", ".join(shared), "leave the data set that has them out")
+
+    @property
+    def held_out(self) -> set[str]:
+        """Places that any of the data sets keeps for validation or test."""
+        return {
             place
             for part in self.sets
             for split in (*GROUPS["val"], *GROUPS["test"])
             for place in part.manifest.places(split)
         }
-        shared = sorted(held_out.intersection(np.unique(training.places).tolist()))
-        if shared:
-            expected = "training places apart from those of validation and test"
-            raise DataSetError(expected, ", ".join(shared), "leave the data set that has them out")
