@@ -33,6 +33,7 @@ from deeplight.simulate.panorama import load, places_in
 from lab.pans import Pan, Sweep, Troubles, film_pan
 
 SIZE, FRAMES, RATE_HZ = (1080, 1920), 900, 30.0  # of the clip
+MAP_STEP = 8  # where a pixel looks is worked out for every eighth, and interpolated
 HEIGHTS = (64, 256, 512)
 Result = TypeVar("Result")
 
@@ -56,17 +57,18 @@ def film_clip(panorama: np.ndarray, path: Path) -> None:
     rows, columns, _ = panorama.shape
     pixels = encode(np.minimum(panorama * (0.18 / np.median(panorama)), 1)) * 255
     pixels = np.concatenate([pixels, pixels[:, :1]], axis=1).astype(np.uint8)
-    rays = PinholeCamera(*SIZE, TRAINED_VERTICAL_FOV_RAD).rays().astype(np.float32)
+    few = (SIZE[0] // MAP_STEP, SIZE[1] // MAP_STEP)
+    rays = PinholeCamera(*few, TRAINED_VERTICAL_FOV_RAD).rays().astype(np.float32)
     shake = cv2.GaussianBlur(rng.normal(0, 0.06, (FRAMES, 3)), (1, 31), 7)
     grain = rng.normal(0, 2.5, (2 * SIZE[1], 2 * SIZE[0], 1)).astype(np.int8)
     with VideoWriter(path, *SIZE, RATE_HZ) as writer:
         for k in range(FRAMES):
             yaw, pitch, roll = shake[k] + (2 * np.pi * k / FRAMES, -0.17, 0)
-            row, column = latlong.position(
-                turned(rays, world_from_camera(yaw, pitch, roll)), rows, columns
-            )
-            column = (column % columns).astype(np.float32)
-            seen = cv2.remap(pixels, column, row.astype(np.float32), cv2.INTER_LINEAR)
+            at = turned(rays, world_from_camera(yaw, pitch, roll))
+            row, column = latlong.position(at, rows, columns)
+            column = (column - column[0, 0] + columns / 2) % columns - columns / 2 + column[0, 0]
+            smooth = [cv2.resize(part.astype(np.float32), SIZE) for part in (column, row)]
+            seen = cv2.remap(pixels, smooth[0] % columns, smooth[1], cv2.INTER_LINEAR)
             top, left = rng.integers(0, SIZE[1]), rng.integers(0, SIZE[0])
             noise = grain[top : top + SIZE[1], left : left + SIZE[0]]
             writer.write(np.clip(seen.astype(np.int16) + noise, 0, 255).astype(np.uint8))

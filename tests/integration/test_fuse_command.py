@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from deeplight.cli.main import main
 from deeplight.fuse.session import Session
@@ -14,7 +15,7 @@ from deeplight.io.environment_file import read_environment
 from deeplight.io.photos import encode_jpeg, write_png
 from deeplight.io.video_writer import VideoWriter
 from deeplight.mappings import latlong
-from deeplight.mappings.resample import shrink_latlong
+from deeplight.mappings.resample import sample_latlong, shrink_latlong, turned_latlong
 from lab.pans import Pan, Sweep, Troubles, film_pan
 
 pytestmark = pytest.mark.needs("av")
@@ -159,6 +160,62 @@ def test_a_phones_panorama_is_seen_where_it_shows(tmp_path: Path) -> None:
     wanted = shrink_latlong(pan().panorama, HEIGHT)
     off = np.abs(np.log(found.radiance / wanted))[found.seen > 0.99]
     assert np.median(off) < 0.1
+
+
+def cylinder(focal_px: float, height: int, width: int) -> np.ndarray:
+    """What a phone that is swept round writes of the place, linear; -Z in its middle."""
+    angle = (np.arange(width) + 0.5 - width / 2) / focal_px
+    rise = (height / 2 - np.arange(height) - 0.5) / focal_px
+    x, y, z = np.broadcast_arrays(np.sin(angle)[None], rise[:, None], -np.cos(angle)[None])
+    directions = np.stack([x, y, z], axis=-1) / np.hypot(1, rise)[:, None, None]
+    return sample_latlong(pan().panorama, directions.astype(np.float32))
+
+
+@pytest.mark.parametrize("focal_35mm", [26, 35])
+def test_an_iphones_panorama_is_a_cylinder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], focal_35mm: int
+) -> None:
+    focal_px = 320 * 26 / (0.8 * np.hypot(36, 24))
+    radiance = cylinder(focal_px, 320, round(np.radians(240) * focal_px))
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0xA401: 6, 0xA405: focal_35mm})
+    pixels = (np.clip(radiance, 0, 1) ** (1 / 2.2) * 255).astype(np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "pano.jpg", exif=exif, quality=95)
+    assert fuse(tmp_path / "out", tmp_path / "pano.jpg") == 0
+    degrees = round(240 * 26 / focal_35mm)
+    assert f"a cylinder {degrees} degrees wide" in capsys.readouterr().out
+    found = read_environment(tmp_path / "out" / "pano.json")
+    assert found.seen is not None
+    wanted = shrink_latlong(pan().panorama, HEIGHT)
+    seen = found.seen[HEIGHT // 2] > 0.99
+    assert abs(seen.mean() - degrees / 360) < 0.15  # of its ends less than a view is left out
+    off = float(np.median(np.abs(np.log(found.radiance / wanted))[found.seen > 0.99]))
+    assert off < 0.1 if focal_35mm == 26 else off > 0.2  # a wrong one shows
+
+
+def test_photos_at_several_exposures_show_what_clips_in_one(tmp_path: Path) -> None:
+    place = np.full((256, 512, 3), 0.3, np.float32) * np.where(pan().panorama > 0.4, 1.5, 0.7)
+    place[110:125, 250:262] = 9.0
+    sweep = Sweep(3, (0.0,), 10.0, (0.0, 0.0, -4.0))
+    ideal = Troubles(0.0, 0.0, response=False)
+    start = film_pan(place, sweep, ideal, np.random.default_rng(4), (320, 180)).frames[0].rotation
+    place = turned_latlong(place, start)  # so that the first frame looks at the lamp
+    burst = film_pan(place, sweep, ideal, np.random.default_rng(4), (320, 180))
+    for k, frame in enumerate(burst.frames):
+        exif = Image.Exif()
+        time_s = 0.02 * 2.0 ** sweep.bracket_stops[k]
+        exif.get_ifd(0x8769).update({0x829A: time_s, 0x829D: 2.0, 0x8827: 100})
+        Image.fromarray(frame.pixels).save(tmp_path / f"{k}.jpg", exif=exif, quality=97)
+    peaks = []
+    for count in (2, 3):
+        names = [tmp_path / f"{k}.jpg" for k in range(count)]
+        assert fuse(tmp_path / f"out{count}", *names, "--fov", "66") == 0
+        found = read_environment(tmp_path / f"out{count}" / "0.json")
+        peaks.append(float(found.radiance[found.seen > 0.99].max()))
+    white = 9.0 * float(np.exp(burst.frames[0].log_gain).mean())
+    assert white > 3
+    assert abs(np.log(peaks[1] / white)) < 0.25
+    assert abs(np.log(peaks[0] / white)) > 0.25
 
 
 @pytest.mark.parametrize(

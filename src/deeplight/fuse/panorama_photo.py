@@ -1,4 +1,8 @@
-"""A phone's own panorama as views: equirectangular or cylindrical, with GPano metadata.
+"""A phone's own panorama as views: equirectangular or cylindrical.
+
+GPano metadata say which, and how much of the sphere it shows. An iPhone writes none: its EXIF data
+say only that it is a panorama (CustomRendered 6). It is a cylinder swept with the phone held
+upright, as high as the long side of an ordinary picture; that gives its width in degrees.
 
 What such a picture shows is cut into ordinary pictures whose rotations are exact, because the
 network and everything else here work on pictures of an ordinary camera.
@@ -13,10 +17,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 from jaxtyping import UInt8
+from PIL import Image
 
 from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
 from deeplight.errors import ImageFileError
 from deeplight.frames import Rotation, turned, world_from_camera
+from deeplight.io.exif import CAMERA, DIAGONAL_35MM_MM, entries_of, number
 from deeplight.io.photos import read_photo
 
 PROJECTIONS = ("equirectangular", "cylindrical")
@@ -25,6 +31,10 @@ _NUMBER = rb'GPano:%s(?:="|>)\s*([-\w.]+)'
 _VIEW_ROWS, _STEP_RAD = 384, radians(30)
 _LEAST_SHOWN = 0.99  # of a view's pixels that the panorama must show
 _WIDEST = TRAINED_VERTICAL_FOV_RAD
+_CUSTOM_RENDERED, _FOCAL_35MM = 0xA401, 0xA405
+_IS_PANORAMA = 6  # Apple's value of CustomRendered; the standard has 0 and 1
+_USUAL_35MM = 26.0  # of phones' main cameras
+_LONG_SIDE = 0.8  # of a 4:3 picture's diagonal
 
 
 @dataclass(frozen=True)
@@ -45,8 +55,29 @@ class PanoramaFacts:
 
 
 def is_panorama(path: Path) -> bool:
-    """Whether a photo names a panorama's projection in its metadata."""
-    return _value(path, b"ProjectionType") in PROJECTIONS
+    """Whether a photo's metadata call it a panorama."""
+    return _value(path, b"ProjectionType") in PROJECTIONS or _swept_35mm(path) is not None
+
+
+def panorama_notes(path: Path) -> tuple[str, ...]:
+    """What had to be assumed of a panorama."""
+    if _value(path, b"ProjectionType") in PROJECTIONS:
+        return ()
+    height, width, _ = read_photo(path).pixels.shape
+    degrees = 360 * width / _facts(path, height, width).full_width
+    return (f"panorama without GPano data: taken for a cylinder {degrees:.0f} degrees wide",)
+
+
+def _swept_35mm(path: Path) -> float | None:
+    """The 35 mm focal length of a panorama swept by an iPhone, None if the photo is none."""
+    try:
+        with Image.open(path) as picture:
+            camera = entries_of(picture.getexif(), CAMERA)
+    except (OSError, ValueError, SyntaxError):
+        return None  # no photo for Pillow
+    if number(camera.get(_CUSTOM_RENDERED)) != _IS_PANORAMA:
+        return None
+    return number(camera.get(_FOCAL_35MM)) or _USUAL_35MM
 
 
 def panorama_frames(
@@ -85,20 +116,28 @@ def panorama_frames(
 
 
 def _facts(path: Path, height: int, width: int) -> PanoramaFacts:
-    def number(name: bytes, default: int) -> int:
+    projection, focal_35mm = _value(path, b"ProjectionType"), _swept_35mm(path)
+    if projection not in PROJECTIONS and focal_35mm is not None:
+        focal = height * focal_35mm / (_LONG_SIDE * DIAGONAL_35MM_MM)
+        whole = max(width, round(2 * pi * focal))
+        return PanoramaFacts("cylindrical", whole, height, (whole - width) // 2, 0)
+    return _gpano(path, height, width, projection or "equirectangular")
+
+
+def _gpano(path: Path, height: int, width: int, projection: str) -> PanoramaFacts:
+    def entry(name: bytes, default: int) -> int:
         text = _value(path, name)
         try:
             return default if text is None else int(float(text))
         except ValueError:
             return default
 
-    projection = _value(path, b"ProjectionType") or "equirectangular"
-    own_width = number(b"CroppedAreaImageWidthPixels", width)
-    own_height = number(b"CroppedAreaImageHeightPixels", height)
-    whole = number(b"FullPanoWidthPixels", own_width)
-    high = number(b"FullPanoHeightPixels", whole // 2)
-    left = number(b"CroppedAreaLeftPixels", (whole - own_width) // 2)
-    top = number(b"CroppedAreaTopPixels", (high - own_height) // 2)
+    own_width = entry(b"CroppedAreaImageWidthPixels", width)
+    own_height = entry(b"CroppedAreaImageHeightPixels", height)
+    whole = entry(b"FullPanoWidthPixels", own_width)
+    high = entry(b"FullPanoHeightPixels", whole // 2)
+    left = entry(b"CroppedAreaLeftPixels", (whole - own_width) // 2)
+    top = entry(b"CroppedAreaTopPixels", (high - own_height) // 2)
     # A picture made smaller later keeps the numbers of the original.
     scale = width / max(1, own_width)
     facts = PanoramaFacts(projection, *(round(scale * n) for n in (whole, high, left, top)))

@@ -13,7 +13,7 @@ from PIL import Image
 
 from deeplight.errors import ConfigError
 from deeplight.frames import Rotation
-from deeplight.fuse.panorama_photo import is_panorama, panorama_frames
+from deeplight.fuse.panorama_photo import is_panorama, panorama_frames, panorama_notes
 from deeplight.fuse.poses import Poses, angle_between
 from deeplight.fuse.track import WORKING_SIDE
 from deeplight.io.photos import Photo, read_photo
@@ -68,8 +68,9 @@ def read_frames(paths: Sequence[Path], poses: Poses | None) -> list[SourceFrame]
     found: list[SourceFrame] = []
     for path in paths:
         if is_panorama(path):
+            notes = panorama_notes(path)
             found += [
-                SourceFrame(f"{path.name}", pixels, len(found) + k, 0.0, fov, 0.0, turn)
+                SourceFrame(path.name, pixels, len(found) + k, 0.0, fov, 0.0, turn, notes)
                 for k, (pixels, fov, turn) in enumerate(panorama_frames(path))
             ]
         else:

@@ -30,6 +30,7 @@ _AHEAD = 3  # neighbours in time that every picture is matched with
 _REACH_RAD = radians(55)  # pictures that look nearer each other than this may overlap
 _ROUNDS = 15
 _SOFT_RAD = radians(0.3)  # a residual of this size counts half
+_BRIGHT, _DARKEST = 160, 16  # levels of a picture's bright parts that features are looked for at
 _FOV_SIGMA = 0.15  # ln of the tangent: how far an assumed field of view may be off
 
 
@@ -101,6 +102,9 @@ def _features(picture: UInt8[np.ndarray, "height width 3"], half_height: float) 
     grey = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY)
     if scale < 1:
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    bright = max(float(np.quantile(grey, 0.95)), _DARKEST)
+    if bright < _BRIGHT:  # of a burst's dark exposures: SIFT looks for contrast in levels
+        grey = cv2.convertScaleAbs(grey, alpha=_BRIGHT / bright)
     points, words = cv2.SIFT.create(FEATURES, contrastThreshold=0.015).detectAndCompute(grey, None)
     if words is None or len(words) < 2:
         return _Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
