@@ -42,7 +42,8 @@ def main() -> None:
     data = open_dataset(given.data)
     (network,) = named_models([given.model] if given.model else [])
     mean = training_mean(data)
-    methods = [network, WithPhoto(network), *([mean] if mean else [])]
+    with_photo = [WithPhoto(network), WithPhoto(network, fill="any")]
+    methods = [network, *with_photo, *([mean] if mean else [])]
     report = evaluate(methods, data, given.split, given.examples)
     reference = report.scores.get(NAME)
     print(f"{given.split}: {len(report.keys)} examples; diffuse / silver / mirror")
@@ -55,6 +56,8 @@ def main() -> None:
             ratios = [m / np.nanmean(reference.l1[n]) for m, n in zip(means, names, strict=True)]
             line += "   of training mean: " + " / ".join(f"{value:.3f}" for value in ratios)
         log_radiance = report.log_radiance[method.name]
+        detail = np.nanmedian(report.scores[method.name].more["mirror_detail"])
+        line += f"   mirror's detail {detail:.2f}"
         print(f"{method.name}: {line}   brightest over mean: {peak(log_radiance):.1f}")
     index = data.index(given.split)
     numbers = np.unique(np.linspace(0, len(index) - 1, given.views).astype(int))

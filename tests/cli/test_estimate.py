@@ -96,6 +96,27 @@ def test_the_photo_stands_in_its_environment(photos, estimate, tmp_path):
     np.testing.assert_allclose(again, whole, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.parametrize(("level", "word"), [(0, "black"), (255, "white"), (120, "one colour")])
+def test_a_photo_that_shows_nothing_is_said_to(photos, estimate, capsys, level, word):
+    Image.new("RGB", (300, 400), (level,) * 3).save(photos / "blank.png")
+    assert estimate(photos / "blank.png", "--height", 64) == 0
+    assert f"{word} all over: its light is a guess" in " ".join(capsys.readouterr().out.split())
+
+
+def test_detail_is_made_up_on_request_where_the_photo_does_not_look(photos, estimate, tmp_path):
+    plain, rich = [], []
+    for found, more in ((plain, ()), (rich, ("--fill", "indoor"))):
+        assert estimate(photos / "scene.jpg", "--height", 64, "--lamps-apart", *more) == 0
+        found.append(read_hdr(tmp_path / "out/scene.exr"))
+        found.append(json.loads((tmp_path / "out/scene.json").read_text())["seen"])
+    assert plain[1]["elsewhere"] == "estimated"
+    assert rich[1]["elsewhere"] == "estimated, its detail invented"
+    assert rich[1]["detail_of"]
+    assert rich[1]["levels"] == plain[1]["levels"]
+    np.testing.assert_allclose(rich[0][32, 64], plain[0][32, 64], rtol=1e-5)  # the photo
+    assert np.abs(np.log(rich[0][20:40, :20] / plain[0][20:40, :20])).max() > 0.05
+
+
 def test_pixels_are_those_of_the_file_though_a_large_jpeg_is_read_smaller(
     photos, estimate, tmp_path
 ):

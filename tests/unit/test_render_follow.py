@@ -55,10 +55,13 @@ def test_the_turned_camera_sees_the_point_where_it_should(x: float, y: float) ->
     assert now.roll_rad == VIEW.roll_rad
 
 
-def test_a_video_gives_a_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_video_gives_a_video_and_a_killed_run_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("av")
     pytest.importorskip("mitsuba")
     from deeplight.cli.main import main
+    from deeplight.compose import video
     from deeplight.io.video import video_frames
     from deeplight.io.video_writer import VideoWriter
 
@@ -81,3 +84,20 @@ def test_a_video_gives_a_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     for one, other in zip(before, after, strict=True):
         changed = np.abs(one - other).mean(-1)
         assert changed[55:70, 26:38].mean() > 3 * changed[:30].mean() + 5
+    rendered, made = video.rendered, []
+
+    def rendered_until_killed(*given: object) -> object:
+        made.append(given)
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        return rendered(*given)
+
+    monkeypatch.setattr(video, "rendered", rendered_until_killed)
+    out.unlink()
+    assert main(["compose", str(tmp_path / "in.mp4"), "--out", str(out), *words]) == 130
+    assert not out.exists()
+    assert main(["compose", str(tmp_path / "in.mp4"), "--out", str(out), *words]) == 0
+    assert len(made) == 4  # of the three frames only the last one was left
+    for one, other in zip(after, video_frames(out), strict=True):
+        assert np.abs(one - other.rgb()).max() < 5  # the encoder's bytes may differ
+    assert {path.name for path in tmp_path.iterdir()} == {"in.mp4", "out.mp4"}

@@ -47,6 +47,9 @@ class Args:
     """Write what the network estimates alone: no photo in it, no lamps."""
     lamps_apart: bool = False
     """Leave the lamps out of the environment, for who adds them as lights from the JSON."""
+    fill: Literal["any", "indoor", "outdoor"] | None = None
+    """Make up detail of such a place where the photo does not look, so that reflections look like
+    one; the light itself stays the same."""
     seen: bool = False
     """Write what the photo shows, 0 to 1, as a further channel `seen` of the .exr."""
     hdr: bool = False
@@ -86,6 +89,7 @@ def run(args: Args) -> None:
         hdr=args.hdr,
         seen_channel=args.seen,
         sun=_sun_hint(args),
+        fill=args.fill,
     )
     estimator = open_model(args.model)
     done: list[SourceDone] = []

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 
@@ -12,10 +13,11 @@ from deeplight.compose.compose import ComposeSettings, Item, matched, placed, re
 from deeplight.compose.follow import Follower, turned_to
 from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.ground import Viewpoint
+from deeplight.compose.kept_frames import KeptFrames
 from deeplight.compose.look import Look
 from deeplight.compose.scene import Scene
 from deeplight.compose.trace import Quality
-from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.estimators.onnx import OnnxEstimator, shipped_model
 from deeplight.frames import Rotation
 from deeplight.fuse.session import CHANGED, Session
 from deeplight.io.photos import Photo
@@ -41,6 +43,9 @@ def compose_video(
 ) -> tuple[str, ...]:
     """Compose every frame; the objects keep to their place while the camera turns.
 
+    A run that was killed goes on where it was: finished frames lie in a hidden folder next to
+    `out` until it is whole.
+
     Args:
         video: to read.
         out: .mp4 to write.
@@ -65,12 +70,26 @@ def compose_video(
     film = _begin(video, first, items, settings, placement, light, gain)
     size = first.luma.shape[1] // 2 * 2, first.luma.shape[0] // 2 * 2  # codecs want even sides
     lights = _watched(film, video) if light is None else None
+    meshes = [Path(item.object) for item in items if Path(item.object).is_file()]
+    kept = KeptFrames(out, _made_of([video, *meshes], items, settings, placement, light, gain))
     with VideoWriter(out, *size, known.rate_hz or 30.0) as writer:
-        lit = _frames(film, chain([first], source), lights)
+        lit = _frames(film, chain([first], source), lights, kept)
         for number, (time_s, pixels) in enumerate(lit, 1):
             writer.write(pixels[: size[1], : size[0]], time_s)
             progress(number, known.frames)
+    kept.remove()
     return film.notes
+
+
+def _made_of(files: Sequence[Path], *settings: object) -> bytes:
+    """What decides how frames look; another version of the program or a file makes other frames."""
+    parts: list[object] = [version("deeplight")]
+    for file in (*files, shipped_model()):
+        status = file.stat()
+        parts += [str(file.resolve()), status.st_size, status.st_mtime_ns]
+    for value in settings:
+        parts.append(value.tobytes() if isinstance(value, np.ndarray) else repr(value))
+    return repr(parts).encode()
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,16 +238,20 @@ def _followed(
 
 
 def _frames(
-    film: _Film, source: Iterator[VideoFrame], lights: Lights | None
+    film: _Film, source: Iterator[VideoFrame], lights: Lights | None, kept: KeptFrames
 ) -> Iterator[tuple[float, UInt8[np.ndarray, "height width 3"]]]:
     """Time and pixels of every finished frame."""
     first_turn = film.scene.viewpoint.world_from_camera
     for number, (still, now) in enumerate(_followed(film, source)):
-        turn = now.world_from_camera
-        if lights is None:  # a given light stands still in the world
-            light = turned_latlong(film.given_light, turn.T @ first_turn)
-        else:
-            light = film.gain * lights.at(number, turn)
-        scene = replace(film.scene, viewpoint=now, light=light)
-        settings = replace(film.settings, seed=still.number)
-        yield still.time_s, rendered(still.rgb(), scene, film.look, settings).pixels
+        turn, pixels = now.world_from_camera, still.rgb()
+        finished = kept.find(number, pixels)
+        if finished is None:
+            if lights is None:  # a given light stands still in the world
+                light = turned_latlong(film.given_light, turn.T @ first_turn)
+            else:
+                light = film.gain * lights.at(number, turn)
+            scene = replace(film.scene, viewpoint=now, light=light)
+            made = rendered(pixels, scene, film.look, replace(film.settings, seed=still.number))
+            kept.keep(number, made)
+            finished = made.pixels
+        yield still.time_s, finished

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from deeplight.errors import ConfigError, ImageFileError, InputError
+from deeplight.estimators.confidence import warnings_of
 from deeplight.estimators.environment import (
     HEIGHT,
     SceneLight,
@@ -13,6 +14,7 @@ from deeplight.estimators.environment import (
     pixels_for,
     scene_light,
 )
+from deeplight.estimators.fill import Kind
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.results import OutputSpec, write_results
 from deeplight.estimators.sources import Source, find_sources
@@ -35,6 +37,7 @@ class BatchSettings:
         hdr: also write Radiance RGBE.
         seen_channel: also write what the photo shows as a channel of the .exr.
         sun: where the sun stands; None places it by EXIF data where it has both.
+        fill: make up detail of this kind of place where the photo does not look.
 
     Raises:
         ConfigError: a value that cannot be, or options that exclude each other.
@@ -48,16 +51,18 @@ class BatchSettings:
     hdr: bool = False
     seen_channel: bool = False
     sun: SunHint | None = None
+    fill: Kind | None = None
 
     def __post_init__(self) -> None:
         if self.fov_deg is not None and not 0 < self.fov_deg < 180:
             got = f"{self.fov_deg:g}"
             raise ConfigError("--fov between 0 and 180 degrees", got, "correct it")
         check_height(self.height)
-        if self.light_only and (self.lamps_apart or self.seen_channel or self.sun):
+        with_photo = self.lamps_apart or self.seen_channel or self.sun or self.fill
+        if self.light_only and with_photo:
             got = "--light-only, which has no lamps and no photo"
             raise ConfigError(
-                "--lamps-apart, --seen and --sun with a photo in its light", got, "drop one"
+                "--lamps-apart, --seen, --sun, --fill with a photo in its light", got, "drop one"
             )
 
 
@@ -145,7 +150,7 @@ def _estimated(
             files = _written(estimate, scene, estimator, out, stem, settings, sun)
         except OSError as error:
             raise _CannotWriteError(error) from error
-        all_notes = (*estimate.notes, *notes)
+        all_notes = (*warnings_of(estimate.photo.pixels), *estimate.notes, *notes)
         done = SourceDone(source, done.count + 1, done.first or files, files, all_notes)
     return done
 
@@ -156,7 +161,7 @@ def _lit(
     """The light to write, what is known of the sun, and notes on it."""
     if settings.light_only:
         return None, None, ()
-    scene = scene_light(estimate, settings.height)
+    scene = scene_light(estimate, settings.height, settings.fill)
     found = find_sun(estimate, scene, settings.sun)
     if found is None:
         return scene, None, ()

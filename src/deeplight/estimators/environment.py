@@ -9,10 +9,18 @@ from jaxtyping import Float32, UInt8
 
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError
+from deeplight.estimators.fill import Kind, filled
 from deeplight.estimators.lamps import find_lamps
 from deeplight.estimators.network import NETWORK_SIDE, Estimate
 from deeplight.estimators.projection import ImagePlane, project_photo
-from deeplight.estimators.surroundings import MAP_ROWS, adapted, enlarged, smooth_map
+from deeplight.estimators.surroundings import (
+    MAP_ROWS,
+    adapted,
+    enlarged,
+    kept_power,
+    power_of,
+    smooth_map,
+)
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
 
@@ -32,11 +40,13 @@ class SceneLight:
         rest: the panorama without the lamps, linear, camera frame.
         lamps: compact lights, the strongest first; not in `rest`.
         seen: 0 to 1, how much of a texel the photo shows; elsewhere the light is estimated.
+        detail_of: the place whose detail was made up where nothing is seen; None if none was.
     """
 
     rest: Float32[np.ndarray, "height width 3"]
     lamps: tuple[Lamp, ...]
     seen: Float32[np.ndarray, "height width"]
+    detail_of: str | None = None
 
     @cached_property
     def environment(self) -> Environment:
@@ -46,12 +56,14 @@ class SceneLight:
         return Environment(lamps, self.seen)
 
 
-def scene_light(estimate: Estimate, height: int = HEIGHT) -> SceneLight:
+def scene_light(estimate: Estimate, height: int = HEIGHT, fill: Kind | None = None) -> SceneLight:
     """Put a photo into the light that was estimated from it.
 
     Args:
         estimate: of `NetworkEstimator.explain`.
         height: rows of the panorama, 64 to 2048.
+        fill: make up detail of this kind of place where the photo does not look; see
+            `estimators.fill`.
 
     Raises:
         ConfigError: another number of rows.
@@ -60,7 +72,7 @@ def scene_light(estimate: Estimate, height: int = HEIGHT) -> SceneLight:
     pixels, fov = estimate.photo.pixels, estimate.framing.vertical_fov_rad
     height_px, width_px, _ = pixels.shape
     plane = ImagePlane.centred(height_px, width_px, fov)
-    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps)
+    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill)
 
 
 def pixels_for(height: int) -> int:
@@ -82,6 +94,7 @@ def assemble(
     plane: ImagePlane,
     height: int = HEIGHT,
     lamps: Sequence[Lamp] = (),
+    fill: Kind | None = None,
 ) -> SceneLight:
     """Put a photo that fills `plane` into a light estimated from it.
 
@@ -95,6 +108,7 @@ def assemble(
         plane: where they lie before the camera.
         height: rows of the panorama.
         lamps: the network's own, which the estimate holds.
+        fill: make up detail of this kind of place where the photo does not look.
     """
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
@@ -104,4 +118,9 @@ def assemble(
     known, around = photo.radiance[box], rest[box]
     known = known + photo.clipped[box] * np.maximum(around - known, 0) + found.areas[box]
     rest[box] += (known - around) * photo.seen[box][..., None]
-    return SceneLight(rest, found.lamps, photo.seen)
+    if fill is None:
+        return SceneLight(rest, found.lamps, photo.seen)
+    rich, place = filled(rest, photo.seen, fill)
+    unseen = 1 - photo.seen[..., None]
+    rich = kept_power(rich * unseen, power_of(rest * unseen)) + rest * photo.seen[..., None]
+    return SceneLight(rich, found.lamps, photo.seen, place)

@@ -7,6 +7,7 @@ from deeplight.environment import Environment
 from deeplight.errors import InputError
 
 if TYPE_CHECKING:
+    from deeplight.estimators.fill import Kind
     from deeplight.estimators.network import NetworkEstimator
 
 BATCH = 16
@@ -15,7 +16,9 @@ BATCH = 16
 _default: list["NetworkEstimator"] = []
 
 
-def estimate(photo: Any, fov_deg: float | None = None, height: int = 256) -> Environment:
+def estimate(
+    photo: Any, fov_deg: float | None = None, height: int = 256, *, fill: "Kind | None" = None
+) -> Environment:
     """Estimate the light of a photo with the shipped model.
 
     Where the camera looked, the environment is the photo itself; elsewhere it is the network's
@@ -28,6 +31,8 @@ def estimate(photo: Any, fov_deg: float | None = None, height: int = 256) -> Env
         fov_deg: vertical field of view of the upright photo in degrees. Left out, it is taken from
             EXIF data, and without those the long side is assumed to span 66 degrees.
         height: rows of the environment, 64 to 2048.
+        fill: "indoor", "outdoor" or "any": make up detail of such a place where the photo does not
+            look, for reflections; the light at low frequencies stays the same.
 
     Returns:
         Radiance from all directions relative to the camera's white, in the photo's camera frame:
@@ -46,7 +51,7 @@ def estimate(photo: Any, fov_deg: float | None = None, height: int = 256) -> Env
     >>> bool(abs(environment.radiance[128, 256] - (128 / 255) ** 2.2).max() < 0.01)
     True
     """
-    (environment,) = _environments(load_estimator(), [photo], fov_deg, height)
+    (environment,) = _environments(load_estimator(), [photo], fov_deg, height, fill)
     return environment
 
 
@@ -127,7 +132,11 @@ def load_estimator(model: Any = None, threads: int | None = None) -> "NetworkEst
 
 
 def _environments(
-    network: "NetworkEstimator", photos: list[Any], fov_deg: float | None, height: int
+    network: "NetworkEstimator",
+    photos: list[Any],
+    fov_deg: float | None,
+    height: int,
+    fill: "Kind | None" = None,
 ) -> list[Environment]:
     from deeplight.estimators.environment import check_height, pixels_for, scene_light
     from deeplight.io.photo_like import as_photo
@@ -135,4 +144,4 @@ def _environments(
     check_height(height)
     opened = [as_photo(photo, pixels_for(height)) for photo in photos]
     explained = network.explain_many(opened, fov_deg)
-    return [scene_light(estimate, height).environment for estimate in explained]
+    return [scene_light(estimate, height, fill).environment for estimate in explained]

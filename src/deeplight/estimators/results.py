@@ -110,7 +110,7 @@ def _written(
         latlong = scene.rest if spec.lamps_apart else environment.radiance
         seen = scene.seen if spec.seen_channel else None
         facts["lamps"] = lamps_record(scene.lamps, in_environment=not spec.lamps_apart)
-        facts["seen"] = seen_record(scene.seen)
+        facts["seen"] = seen_record(scene.seen) | _elsewhere(scene)
     files = save_lighting(
         lighting, stem, turn=spec.turn, hdr=spec.hdr, facts=facts, latlong=latlong, seen=seen
     )
@@ -122,6 +122,13 @@ def _written(
     picture = preview(estimate, environment, title, lamps, confidence.sentences, known)
     write_png(files[-1], picture)
     return files
+
+
+def _elsewhere(scene: SceneLight) -> dict[str, Any]:
+    """What the environment is where the photo does not look."""
+    if scene.detail_of is None:
+        return {"elsewhere": "estimated"}
+    return {"elsewhere": "estimated, its detail invented", "detail_of": scene.detail_of}
 
 
 def _moved(files: list[Path], folder: Path) -> list[Path]:

@@ -7,6 +7,7 @@ from deeplight.camera import BACKGROUND_HEIGHT, BACKGROUND_WIDTH
 from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError
 from deeplight.estimators.environment import assemble
+from deeplight.estimators.fill import Kind
 from deeplight.estimators.projection import ImagePlane
 from deeplight.evaluate.models import NamedModel
 from deeplight.lighting import Lighting
@@ -18,15 +19,15 @@ DARKEST = 1e-6  # radiance: black still has a logarithm
 class WithPhoto:
     """A network whose answer is its environment, photo and lamps in it, on the mirror ball."""
 
-    def __init__(self, network: NamedModel) -> None:
-        self._network = network
+    def __init__(self, network: NamedModel, fill: Kind | None = None) -> None:
+        self._network, self._fill = network, fill
         whole = ModelContract()
         self._plane = ImagePlane(-whole.right, whole.right, whole.bottom, whole.top)
 
     @property
     def name(self) -> str:
         """What tables call it."""
-        return f"{self._network.name} with the photo"
+        return f"{self._network.name} with the photo" + (" and detail" if self._fill else "")
 
     def estimate_inputs(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
@@ -43,9 +44,10 @@ class WithPhoto:
         levels: Int64[np.ndarray, "batch 3 height width"] = np.round((inputs + 0.5) * 255)
         pictures = levels.transpose(0, 2, 3, 1).astype(np.uint8)
         answers, lamps = self._network.estimate_with_lamps(inputs)
+        lights = [Lighting.from_log_radiance(answer) for answer in answers]
         balls = [
-            assemble(Lighting.from_log_radiance(answer), picture, self._plane, HEIGHT, own)
-            for answer, picture, own in zip(answers, pictures, lamps, strict=True)
+            assemble(light, picture, self._plane, HEIGHT, own, self._fill)
+            for light, picture, own in zip(lights, pictures, lamps, strict=True)
         ]
         radiance = np.stack([scene.environment.lighting.radiance for scene in balls])
         return np.log(np.maximum(radiance, DARKEST)).astype(np.float32)
