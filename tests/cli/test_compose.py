@@ -68,6 +68,28 @@ def test_two_objects_stand_where_they_were_put(
     assert "--pitch" not in printed  # it was given
 
 
+def test_the_shadow_falls_away_from_a_given_sun(photo: Path, tmp_path: Path, capsys) -> None:
+    lit = []
+    for azimuth in (-90, 90):
+        out = tmp_path / f"{azimuth}.exr"
+        words = ["--object", "sphere", "--at", 32, 36, "--size", "0.4", "--layers", out]
+        words += ["--sun", azimuth, 30, "--out", tmp_path / "a.png"]
+        assert compose(photo, *words, *SHORT) == 0
+        shadow = read_hdr_layer(out)
+        lit.append(shadow[:, 40:].mean() - shadow[:, :24].mean())
+    assert "sun placed, given by its angles" in capsys.readouterr().out
+    assert lit[0] < -0.01 < 0.01 < lit[1]
+
+
+def read_hdr_layer(path: Path) -> np.ndarray:
+    """The shadow's factor in the layered file."""
+    import OpenImageIO as oiio
+
+    values: np.ndarray = oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
+    names = oiio.ImageBuf(str(path)).spec().channelnames
+    return values[..., names.index("shadow.G")]
+
+
 def test_defaults_are_reported(photo: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "a.jpg"
     assert compose(photo, "--object", "sphere", "--out", out, "--engine", "scalar") == 0
@@ -91,6 +113,8 @@ def test_defaults_are_reported(photo: Path, tmp_path: Path, capsys) -> None:
         (["--object", "sphere", "--object", "bunny", "--at", "30", "40"], "--at"),
         (["--material", "mirror", "--material", "silver"], "--material"),
         (["--layers", "a.png"], "--layers"),
+        (["--sun", "0", "100"], "elevation"),
+        (["--sun", "0", "40", "--light", "none.exr"], "--sun"),
         (["--light", "none.exr"], "none.exr"),
         (["--material", "file"], "built-in"),
     ],

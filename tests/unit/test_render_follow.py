@@ -99,5 +99,7 @@ def test_a_video_gives_a_video_and_a_killed_run_goes_on(
     assert main(["compose", str(tmp_path / "in.mp4"), "--out", str(out), *words]) == 0
     assert len(made) == 4  # of the three frames only the last one was left
     for one, other in zip(after, video_frames(out), strict=True):
-        assert np.abs(one - other.rgb()).max() < 5  # the encoder's bytes may differ
+        off = np.abs(one - other.rgb())  # the encoder rounds by where pixels lie in memory
+        assert off.mean() < 1
+        assert off.max() < 20
     assert {path.name for path in tmp_path.iterdir()} == {"in.mp4", "out.mp4"}

@@ -40,6 +40,9 @@ class Args:
     """The axis that points up in mesh files."""
     light: Path | None = None
     """Use this light (.json of deeplight, or an .exr or .hdr panorama), not the estimate."""
+    sun: tuple[float, float] | None = None
+    """The sun's azimuth (0 is the view, positive to the right) and elevation in the picture,
+    degrees. Default: by the photo's GPS data, where it has them, else as estimated."""
     stops: float = 0.0
     """Make the light brighter by this number of stops."""
     camera_height: float = 1.4
@@ -91,6 +94,7 @@ def _compose_photo(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
     from deeplight.cli.screen import progress_bar
     from deeplight.compose.composite import write_layers
     from deeplight.compose.photo import compose_photo
+    from deeplight.estimators.sun import SunHint
     from deeplight.io.atomic import replacing
     from deeplight.io.photos import encode_jpeg, encode_png
 
@@ -102,6 +106,7 @@ def _compose_photo(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:
             placement=_placement(args),
             settings=_settings(args),
             stops=args.stops,
+            sun=None if args.sun is None else SunHint(angles_deg=args.sun),
             progress=bar.reach,
         )
     pixels = composed.composite.pixels
@@ -205,6 +210,9 @@ def _check_names(args: Args, video: bool) -> None:
         raise ConfigError(f"--out ending in {', '.join(allowed)}", f"{args.out}", "rename it")
     if args.out.exists() and args.photo.exists() and args.out.samefile(args.photo):
         raise ConfigError("another file as --out", "the photo itself", "rename it")
+    if args.sun is not None and (video or args.light is not None):
+        got = "a video" if video else "--light, which has its own"
+        raise ConfigError("--sun for a photo whose light is estimated", got, "leave it out")
     if args.layers is not None and (video or args.layers.suffix.lower() != ".exr"):
         got = f"{args.layers}" + (" for a video" if video else "")
         raise ConfigError("--layers FILE.exr for a photo", got, "rename it or leave it out")

@@ -12,6 +12,7 @@ from deeplight.compose.trace import Progress
 from deeplight.environment import Environment
 from deeplight.estimators.environment import scene_light
 from deeplight.estimators.estimate import load_estimator
+from deeplight.estimators.sun import SunHint, find_sun
 from deeplight.io.photo_like import as_photo
 
 
@@ -23,6 +24,7 @@ def compose_photo(
     placement: CameraPlacement | None = None,
     settings: ComposeSettings | None = None,
     stops: float = 0.0,
+    sun: SunHint | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Composed:
     """Put objects into a photo, lit by its own light, with their shadow on its own surface.
@@ -35,6 +37,8 @@ def compose_photo(
         placement: what is known of how the camera stood; the rest is looked for in EXIF data.
         settings: how to render; left out, a preview.
         stops: make the light brighter by this number of doublings.
+        sun: where the sun stands; left out, where the photo's EXIF data say, if they do. Only for
+            an estimated light.
         progress: called with (rays done, rays in all).
 
     Returns:
@@ -50,8 +54,11 @@ def compose_photo(
     where = placement or CameraPlacement()
     if light is None:
         estimate = network.explain(opened, where.fov_deg)
-        light, framing = scene_light(estimate).environment, estimate.framing
-        notes = estimate.notes
+        scene, framing, notes = scene_light(estimate), estimate.framing, estimate.notes
+        found = find_sun(estimate, scene, sun)
+        if found is not None:
+            scene, notes = found.scene, (*notes, found.note)
+        light = scene.environment
     else:
         framing, notes = network.frame(opened, where.fov_deg), opened.notes
     viewpoint, assumed = viewpoint_of(opened.source, framing, where, opened.pixels)

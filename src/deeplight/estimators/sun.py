@@ -144,7 +144,8 @@ def find_sun(estimate: Estimate, scene: SceneLight, hint: SunHint | None) -> Fou
     if not scene.lamps:
         note = "no light stands out of the estimate: no sun is placed"
         return FoundSun(sun, scene, False, note)
-    note = f"sun placed, {sun.source}, within {sun.uncertainty_deg:.0f} degrees"
+    within = f", within {sun.uncertainty_deg:.0f} degrees" if sun.uncertainty_deg >= 1 else ""
+    note = f"sun placed, {sun.source}{within}"
     return FoundSun(sun, with_sun(scene, sun), True, note)
 
 
