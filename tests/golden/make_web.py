@@ -18,17 +18,19 @@ import numpy as np
 from make_nouns import light
 from PIL import Image
 
-from deeplight import brdf, camera_response, contract, harmonics, preprocess
+from deeplight import brdf, camera_response, contract, harmonics, lobe, preprocess
 from deeplight.contract import ModelContract
 from deeplight.estimators import lamps, projection, surroundings
+from deeplight.estimators.environment import assemble
 from deeplight.estimators.network import WHOLE_VIEW
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.results import write_results
-from deeplight.frames import turned, world_from_camera
+from deeplight.frames import normalised, turned, world_from_camera
 from deeplight.fuse import blend, gains, merge, session, view
 from deeplight.io import lighting_file, photo_decoders
+from deeplight.lamp import Lamp
 from deeplight.lighting import LIGHTING_SIZE, Lighting
-from deeplight.mappings import mirror_ball
+from deeplight.mappings import latlong, mirror_ball
 from deeplight.relight import relight_rig
 from deeplight.sphere import CROP_SIZE, PAPER_RIG
 from deeplight.transfer import file as transfer_file
@@ -189,6 +191,66 @@ def photo_golden() -> dict[str, Any]:
     }
 
 
+SCENE_ROWS, SCENE_FOV_RAD = 160, 1.3
+
+
+def scene_golden() -> dict[str, Any]:
+    """A made-up photo put into a made-up light: with the lamps of a network, and without any."""
+    lighting = light()
+    own = [
+        Lamp(normalised(np.array([0.1, 0.35, -1.0])), np.array([3.0, 2.5, 2.0]), 0.12),
+        Lamp(normalised(np.array([0.9, 0.5, 0.4])), np.array([4.0, 4.0, 3.0]), 0.2),
+        Lamp(normalised(np.array([-0.5, 0.1, 0.9])), np.array([1.0, 1.0, 1.0]), 0.5),
+    ]
+    drawn = lighting.radiance + sum(lobe.lobe_on_ball(lamp) for lamp in own)
+    photo = made_up_photo()
+    plane = projection.ImagePlane.centred(*photo.shape[:2], SCENE_FOV_RAD)
+    cases = {"lamps": (Lighting(drawn), own), "no_lamps": (lighting, [])}
+    return {
+        "vertical_fov_rad": SCENE_FOV_RAD,
+        "photo": {"height": len(photo), "width": photo.shape[1], "rgb": as_text(photo)},
+        "rows": SCENE_ROWS,
+        "own_lamps": [_lamp(lamp) for lamp in own],
+        **{name: _scene(*case, photo, plane) for name, case in cases.items()},
+    }
+
+
+def made_up_photo() -> np.ndarray:
+    """Waves, a small round lamp, a clipped window and a bright floor that does not clip."""
+    row, column = np.mgrid[:150, :120]
+    value = 90 + 50 * np.sin(column / 17) + 30 * np.cos(row / 11 + column / 40)
+    photo = np.stack([value, value + 10, value - 20], -1)
+    photo[np.hypot(row - 30, column - 70) < 5] = 255
+    photo[60:90, 8:30] = [255, 255, 240]
+    photo[130:] += 60
+    return photo.clip(0, 255).astype(np.uint8)
+
+
+def _scene(
+    lighting: Lighting, own: list[Lamp], photo: np.ndarray, plane: projection.ImagePlane
+) -> dict[str, Any]:
+    scene = assemble(lighting, photo, plane, SCENE_ROWS, own)
+    environment = scene.environment
+    return {
+        "ball": packed(lighting.radiance),
+        "lamps": [_lamp(lamp) for lamp in scene.lamps],
+        "radiance_every_8th_row": packed(environment.radiance[::8]),
+        "seen_every_8th_row": packed(scene.seen[::8]),
+        "power": np.einsum(
+            "hw,hwc->c", latlong.solid_angles(SCENE_ROWS, 2 * SCENE_ROWS), environment.radiance
+        ).tolist(),
+        "as_ball": packed(environment.lighting.radiance),
+    }
+
+
+def _lamp(lamp: Lamp) -> dict[str, Any]:
+    return {
+        "direction": lamp.direction.tolist(),
+        "flux": lamp.flux.tolist(),
+        "angularRadiusRad": lamp.angular_radius_rad,
+    }
+
+
 def example_photo() -> np.ndarray:
     """A photo small enough to store."""
     path = sorted((ROOT / "examples/photos").glob("*.jpg"))[0]
@@ -234,6 +296,7 @@ def golden_files() -> dict[str, dict[str, Any]]:
     return {
         "light.json": light_golden(),
         "photo.json": photo_golden(),
+        "scene.json": scene_golden(),
     }
 
 

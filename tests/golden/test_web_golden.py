@@ -29,10 +29,10 @@ def test_the_constants_are_those_of_the_package(make_web: ModuleType) -> None:
     assert make_web.GENERATED.read_text(encoding="utf-8") == make_web.generated(), REMEDY
 
 
-@pytest.mark.parametrize("name", ["light", "photo"])
+@pytest.mark.parametrize("name", ["light", "photo", "scene"])
 def test_golden_values_are_those_of_the_package(make_web: ModuleType, name: str) -> None:
     stored = json.loads((make_web.GOLDEN / f"{name}.json").read_text(encoding="utf-8"))
-    fresh = {"light": make_web.light_golden, "photo": make_web.photo_golden}[name]()
+    fresh = getattr(make_web, f"{name}_golden")()
     assert differences(stored, json.loads(json.dumps(fresh))) == [], REMEDY
 
 

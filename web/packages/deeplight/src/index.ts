@@ -6,7 +6,7 @@
  */
 export { EstimateError, type EstimateErrorKind } from "./errors.ts";
 export type { ModelFacts } from "./estimate/estimator.ts";
-export type { Lamp } from "./lamps.ts";
+export type { Lamp } from "./light/lamp.ts";
 export { Lighting } from "./light/lighting.ts";
 export type { MainLight } from "./light/main-light.ts";
 export type { Matrix3x3, Vector3 } from "./light/matrix.ts";

@@ -1,6 +1,6 @@
 /** What an estimate gives: one light, in the forms that renderers take. */
 import { CONDON_SHORTLEY } from "./contract/generated.ts";
-import type { Lamp } from "./lamps.ts";
+import type { Lamp } from "./light/lamp.ts";
 import { Lighting } from "./light/lighting.ts";
 import type { MainLight } from "./light/main-light.ts";
 import { type Matrix3x3, turned as turnedVector, type Vector3 } from "./light/matrix.ts";

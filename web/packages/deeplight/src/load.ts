@@ -2,7 +2,7 @@
 
 import { EstimateError } from "./errors.ts";
 import { Estimator, type ModelFacts } from "./estimate/estimator.ts";
-import { lampsOf } from "./lamps.ts";
+import { lampsOf } from "./light/lamp.ts";
 import { IDENTITY, type Matrix3x3 } from "./light/matrix.ts";
 import { Smoother } from "./light/smoother.ts";
 import { Light } from "./light.ts";

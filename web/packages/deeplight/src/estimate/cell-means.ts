@@ -2,7 +2,37 @@
  * The network's input: exact area averages of a photo's gamma-encoded pixels over the cells of its
  * framing, as preprocess.network_input. Where the photo does not reach, its edge pixels go on.
  */
-import type { Framing } from "./framing.ts";
+
+/** Cells over a photo; edges in pixels from its upper left corner, which may lie outside it. */
+export interface Grid {
+  readonly photoHeight: number;
+  readonly photoWidth: number;
+  readonly top: number;
+  readonly bottom: number;
+  readonly left: number;
+  readonly right: number;
+  readonly inputHeight: number;
+  readonly inputWidth: number;
+}
+
+/** The whole of a photo as so many cells. */
+export function wholePhoto(photo: Size, cells: Size): Grid {
+  return {
+    photoHeight: photo.height,
+    photoWidth: photo.width,
+    top: 0,
+    bottom: photo.height,
+    left: 0,
+    right: photo.width,
+    inputHeight: cells.height,
+    inputWidth: cells.width,
+  };
+}
+
+export interface Size {
+  readonly width: number;
+  readonly height: number;
+}
 
 /** Which pixels of a line a cell covers, and how far the first and the last. */
 interface Spans {
@@ -45,16 +75,16 @@ export class CellMeans {
   readonly #shared: Float64Array; // that row's own row of cells
   #present = 0; // the first row of cells that is not complete
 
-  constructor(readonly framing: Framing) {
-    const { top, bottom, left, right, photoHeight, photoWidth } = framing;
-    this.#rows = spans(top, bottom, framing.inputHeight, photoHeight);
-    this.#columns = spans(left, right, framing.inputWidth, photoWidth);
+  constructor(readonly grid: Grid) {
+    const { top, bottom, left, right, photoHeight, photoWidth } = grid;
+    this.#rows = spans(top, bottom, grid.inputHeight, photoHeight);
+    this.#columns = spans(left, right, grid.inputWidth, photoWidth);
     this.top = this.#rows.first[0]!;
     this.height = this.#rows.last.at(-1)! + 1 - this.top;
     this.left = this.#columns.first[0]!;
     this.width = this.#columns.last.at(-1)! + 1 - this.left;
-    this.#cells = new Float64Array(3 * framing.inputHeight * framing.inputWidth);
-    this.#shared = new Float64Array(3 * framing.inputWidth);
+    this.#cells = new Float64Array(3 * grid.inputHeight * grid.inputWidth);
+    this.#shared = new Float64Array(3 * grid.inputWidth);
     this.#whole = noSums(this.width);
     this.#part = noSums(this.width);
   }
@@ -134,6 +164,13 @@ export class CellMeans {
       }
     }
     return result;
+  }
+
+  /** The same as RGB pixels, rows from the top: 0 to 1. */
+  rgb(isReversed = false): Float32Array {
+    const planes = this.planes(0, 1, isReversed);
+    const count = planes.length / 3;
+    return planes.map((_, i) => planes[(i % 3) * count + Math.floor(i / 3)]!);
   }
 
   #flush(): void {

@@ -21,23 +21,23 @@ export class Picker {
   #refused = false; // some browsers throw where others convert: the canvas from then on
 
   /**
-   * Every pixel of the part that matters, unscaled: averages are exact only then.
+   * Every pixel of the parts that matter, unscaled: averages are exact only then.
    *
    * @returns whether the pixels came as BGRA, not as RGBA.
    */
-  async pick(frame: Frame, means: CellMeans): Promise<boolean> {
+  async pick(frame: Frame, ...means: readonly CellMeans[]): Promise<boolean> {
     const format = await this.#copy(frame, means).catch(() => this.#giveUp(means));
     if (!format) this.#draw(frame, means);
     return format?.startsWith("B") ?? false;
   }
 
-  #giveUp(means: CellMeans): undefined {
+  #giveUp(means: readonly CellMeans[]): undefined {
     this.#refused = true;
-    means.reset(); // strips before the one that was refused
+    for (const one of means) one.reset(); // strips before the one that was refused
   }
 
   /** Ten times as fast as a canvas; undefined where the browser or the frame does not allow it. */
-  async #copy(frame: Frame, means: CellMeans): Promise<string | undefined> {
+  async #copy(frame: Frame, means: readonly CellMeans[]): Promise<string | undefined> {
     if (this.#refused || typeof VideoFrame === "undefined") return undefined;
     const video = frame instanceof VideoFrame ? frame : new VideoFrame(frame, { timestamp: 0 });
     const from = video.visibleRect;
@@ -47,17 +47,14 @@ export class Picker {
     try {
       if (!isPlain || !video.format) return undefined;
       // Other formats have one colour for two pixels, so their parts start at even ones.
-      const parts = strips(means, width, height, format ? 1 : 2);
-      for (const { x, y, width: pitch, height: rows } of parts) {
+      for (const part of strips(around(means), width, height, format ? 1 : 2)) {
+        const { x, y, width: pitch, height: rows } = part;
         const rect = { x: x + from.x, y: y + from.y, width: pitch, height: rows };
         const how = format ? { rect } : { rect, format: "RGBA" as const };
         if (video.allocationSize(how) !== 4 * pitch * rows) return undefined; // cannot convert
         if (this.#strip.length < 4 * pitch * rows) this.#strip = new Uint8Array(4 * pitch * rows);
         await video.copyTo(this.#strip, how);
-        const first = Math.max(means.top - y, 0);
-        const last = Math.min(means.top + means.height - y, rows);
-        const start = 4 * (first * pitch + means.left - x);
-        means.add(this.#strip.subarray(start, 4 * last * pitch), y + first, pitch);
+        give(this.#strip, part, means);
       }
       return format ?? "RGBA";
     } finally {
@@ -65,14 +62,14 @@ export class Picker {
     }
   }
 
-  #draw(frame: Frame, means: CellMeans): void {
-    const { left, top, width, height } = means;
+  #draw(frame: Frame, means: readonly CellMeans[]): void {
+    const { x, y: top, width, height } = around(means);
     const rows = Math.min(Math.max(Math.floor(STRIP_PIXELS / width), 1), height);
     const context = this.#context(width, rows);
     for (let row = 0; row < height; row += rows) {
-      const count = Math.min(rows, height - row);
-      context.drawImage(frame, left, top + row, width, count, 0, 0, width, count);
-      means.add(context.getImageData(0, 0, width, count).data, top + row);
+      const part = { x, y: top + row, width, height: Math.min(rows, height - row) };
+      context.drawImage(frame, x, part.y, width, part.height, 0, 0, width, part.height);
+      give(context.getImageData(0, 0, width, part.height).data, part, means);
     }
   }
 
@@ -98,14 +95,38 @@ interface Part {
   readonly height: number;
 }
 
-/** Cuts the part that matters of a frame; edges lie on multiples of `grain`, where there are pixels. */
-function* strips(means: CellMeans, width: number, height: number, grain: number): Generator<Part> {
+/** The part that holds all that matters. */
+function around(means: readonly CellMeans[]): Part {
+  const x = Math.min(...means.map(({ left }) => left));
+  const y = Math.min(...means.map(({ top }) => top));
+  const right = Math.max(...means.map(({ left, width }) => left + width));
+  const bottom = Math.max(...means.map(({ top, height }) => top + height));
+  return { x, y, width: right - x, height: bottom - y };
+}
+
+/** Adds to each what it wants of a part. */
+function give(
+  bytes: Uint8Array | Uint8ClampedArray,
+  { x, y, width: pitch, height: rows }: Part,
+  means: readonly CellMeans[],
+): void {
+  for (const one of means) {
+    const first = Math.max(one.top - y, 0);
+    const last = Math.min(one.top + one.height - y, rows);
+    if (first >= last) continue;
+    const start = 4 * (first * pitch + one.left - x);
+    one.add(bytes.subarray(start, 4 * last * pitch), y + first, pitch);
+  }
+}
+
+/** Cuts a part of a frame; edges lie on multiples of `grain`, where there are pixels. */
+function* strips(all: Part, width: number, height: number, grain: number): Generator<Part> {
   const down = (edge: number): number => edge - (edge % grain);
-  const x = down(means.left);
-  const right = Math.min(down(means.left + means.width + grain - 1), width);
-  const bottom = Math.min(down(means.top + means.height + grain - 1), height);
+  const x = down(all.x);
+  const right = Math.min(down(all.x + all.width + grain - 1), width);
+  const bottom = Math.min(down(all.y + all.height + grain - 1), height);
   const rows = Math.max(down(Math.floor(STRIP_PIXELS / (right - x))), grain);
-  for (let y = down(means.top); y < bottom; y += rows) {
+  for (let y = down(all.y); y < bottom; y += rows) {
     yield { x, y, width: right - x, height: Math.min(rows, bottom - y) };
   }
 }

@@ -34,3 +34,9 @@ export function product(a: Matrix3x3, b: Matrix3x3): Matrix3x3 {
   const [x, y, z] = [turned(a, column(0)), turned(a, column(3)), turned(a, column(6))];
   return [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
 }
+
+/** The same direction at length 1; what has none stays. */
+export function normalised([x, y, z]: Vector3): Vector3 {
+  const length = Math.hypot(x, y, z) || 1;
+  return [x / length, y / length, z / length];
+}

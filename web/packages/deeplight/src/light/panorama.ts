@@ -4,6 +4,7 @@
  */
 import { directionOfPixel, rowSolidAngle } from "./equirect.ts";
 import type { Vector3 } from "./matrix.ts";
+import { cellMeans } from "./means.ts";
 import { pixelDirection, pixelOfDirection, solidAngles } from "./mirror-ball.ts";
 import { remembered } from "./remembered.ts";
 
@@ -93,10 +94,11 @@ export function shrunk(
   rows: number,
   channels = 3,
 ): Float32Array {
-  const across = lineMeans(values, height, 2 * height, channels, 2 * rows);
-  const turned = transposed(across, height, 2 * rows, channels);
-  const down = lineMeans(turned, 2 * rows, height, channels, rows);
-  return transposed(down, 2 * rows, rows, channels);
+  const [from, to] = [
+    { height, width: 2 * height },
+    { height: rows, width: 2 * rows },
+  ];
+  return cellMeans(values, from, to, channels);
 }
 
 /** Bilinear values of a panorama in a direction, around the back and held at the poles. */
@@ -188,44 +190,3 @@ const binsOf = remembered((height: number, size: number): Bins => {
 const rowShares = remembered(
   (height: number, parts: number): Float64Array => rowSolidAngles(height * parts),
 );
-
-/** Means over equal stretches of each row. */
-function lineMeans(
-  values: Float32Array,
-  lines: number,
-  length: number,
-  channels: number,
-  count: number,
-): Float32Array {
-  if (length === count) return values;
-  const size = length / count;
-  const result = new Float32Array(lines * count * channels);
-  for (let line = 0; line < lines; line++) {
-    for (let cell = 0; cell < count; cell++) {
-      const [from, to] = [cell * size, (cell + 1) * size];
-      const to_ = channels * (line * count + cell);
-      for (let at = Math.floor(from); at < Math.min(Math.ceil(to - 1e-9), length); at++) {
-        const weight = (Math.min(at + 1, to) - Math.max(at, from)) / size;
-        const source = channels * (line * length + at);
-        for (let c = 0; c < channels; c++) result[to_ + c]! += weight * values[source + c]!;
-      }
-    }
-  }
-  return result;
-}
-
-function transposed(
-  values: Float32Array,
-  rows: number,
-  columns: number,
-  channels: number,
-): Float32Array {
-  const result = new Float32Array(values.length);
-  for (let row = 0; row < rows; row++) {
-    for (let column = 0; column < columns; column++) {
-      const [from, to] = [channels * (row * columns + column), channels * (column * rows + row)];
-      for (let c = 0; c < channels; c++) result[to + c] = values[from + c]!;
-    }
-  }
-  return result;
-}

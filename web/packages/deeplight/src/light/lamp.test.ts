@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { lampsOf } from "./lamps.ts";
+import { lampsOf } from "./lamp.ts";
 
 test("lamps come from the network's seven numbers each", () => {
   const data = Float32Array.of(0, 2, 0, 0, Math.log(2), Math.log(3), 0.1, 0, 0, -1, 0, 0, 0, 0.2);

@@ -1,0 +1,48 @@
+/** One photo's environment: the photo where the camera looked, the network elsewhere, and lamps. environment.py. */
+import { addLamps, type Lamp } from "../light/lamp.ts";
+import { enlarged } from "../light/panorama.ts";
+import { type PlacedPhoto, projected } from "./image-plane.ts";
+import { findLamps } from "./lamps.ts";
+import { adapted, mapRows, smoothMap } from "./surroundings.ts";
+
+/** A scene's light: a panorama of `height` x 2 `height` with its lamps drawn in it. */
+export interface SceneLight {
+  readonly radiance: Float32Array;
+  readonly height: number;
+  /** How much of a texel the photo shows, 0 to 1; elsewhere the light is estimated. */
+  readonly seen: Float32Array;
+  /** Compact lights, the strongest first; in `radiance`, each at its place and size. */
+  readonly lamps: readonly Lamp[];
+}
+
+/**
+ * Puts a photo into the light that was estimated from it.
+ *
+ * @param ball radiance of the estimate.
+ * @param photo averaged to `reducedSize` of its own.
+ * @param height rows of the panorama, even, 64 to 2048.
+ * @param own the network's lamps, which the estimate holds.
+ */
+export function sceneLight(
+  ball: Float32Array,
+  photo: PlacedPhoto,
+  height: number,
+  own: readonly Lamp[],
+): SceneLight {
+  const size = Math.sqrt(ball.length / 3);
+  const shown = projected(photo, height);
+  const found = findLamps(ball, size, shown, own);
+  const rows = mapRows(height);
+  const map = adapted(smoothMap(found.rest, size, rows), rows, photo);
+  const radiance = enlarged(map, rows, height).slice();
+  for (let i = 0; i < radiance.length; i++) {
+    const around = radiance[i]!;
+    const seen = shown.seen[Math.floor(i / 3)]!;
+    if (seen === 0) continue;
+    const known = shown.radiance[i]!;
+    const bound = known + shown.clipped[i]! * Math.max(around - known, 0) + found.areas[i]!;
+    radiance[i] = around + (bound - around) * seen;
+  }
+  addLamps(radiance, found.lamps, height);
+  return { radiance, height, seen: shown.seen, lamps: found.lamps };
+}
