@@ -80,6 +80,7 @@ def constants() -> dict[str, Any]:
         "CONDON_SHORTLEY": harmonics.CONDON_SHORTLEY.tolist(),
         "LATLONG_HEIGHT": lighting_file.LATLONG_HEIGHT,
         "LIGHTING_FILE": lighting_file_words(),
+        "SCENE_FILE": scene_file_words(),
         "TRANSFER": transfer_file.LAYOUT,
         "FUSE": numbers_of(view, gains, blend, merge, session),
         "PHOTO_LIGHT": numbers_of(projection, surroundings, lamps),
@@ -110,6 +111,15 @@ def lighting_file_words() -> dict[str, Any]:
         for key in numbers:
             entry[key] = None
     return record
+
+
+def scene_file_words() -> dict[str, Any]:
+    """What a lighting file says of lamps and of what a photo shows, whatever these are."""
+    lamp_entry = lighting_file.lamps_record((), in_environment=True)
+    seen_entry = lighting_file.seen_record(
+        np.ones((lighting_file.SEEN_HEIGHT, 2 * lighting_file.SEEN_HEIGHT))
+    )
+    return {"lamps": lamp_entry, "seen": seen_entry | {"levels": None}}
 
 
 def _is_result(key: str, value: Any) -> bool:

@@ -6,6 +6,7 @@
  */
 export { EstimateError, type EstimateErrorKind } from "./errors.ts";
 export type { ModelFacts } from "./estimate/estimator.ts";
+export type { Environment } from "./light/environment.ts";
 export type { Lamp } from "./light/lamp.ts";
 export { Lighting } from "./light/lighting.ts";
 export type { MainLight } from "./light/main-light.ts";
@@ -20,3 +21,4 @@ export {
   load,
 } from "./load.ts";
 export type { PhotoSource } from "./photo/source.ts";
+export type { TrackedLight, Tracking, TrackOptions } from "./track.ts";

@@ -1,10 +1,12 @@
 /** What an estimate gives: one light, in the forms that renderers take. */
-import { CONDON_SHORTLEY } from "./contract/generated.ts";
+import { CONDON_SHORTLEY, LIGHTING_SIZE } from "./contract/generated.ts";
+import { type Environment, resized, seenShare, turnedEnvironment } from "./light/environment.ts";
 import type { Lamp } from "./light/lamp.ts";
 import { Lighting } from "./light/lighting.ts";
 import type { MainLight } from "./light/main-light.ts";
 import { type Matrix3x3, turned as turnedVector, type Vector3 } from "./light/matrix.ts";
-import { hdrFile, rolled } from "./save/hdr-file.ts";
+import { ballFromPanorama } from "./light/panorama.ts";
+import { hdrFile, panoramaFile, rolled } from "./save/hdr-file.ts";
 import { type About, jsonFile } from "./save/json-file.ts";
 
 /** Radiance coefficients up to order 2, RGB interleaved, in both signs that are in use. */
@@ -27,9 +29,22 @@ export class Light {
     readonly lighting: Lighting,
     /** Where it comes from; null after `turned`, which leaves the camera's frame. */
     readonly about: About | null,
-    /** Those that the network names, in the camera's frame; none where it names none. */
+    /** Compact lights, in the camera's frame and in the light already; none where none are known. */
     readonly lamps: readonly Lamp[] = [],
+    /** The light at its own resolution, with what a camera saw; null for the network's ball alone. */
+    readonly panorama: Environment | null = null,
   ) {}
+
+  /** Of a light with a panorama; the ball is made of that. */
+  static of(panorama: Environment, about: About | null, lamps: readonly Lamp[] = []): Light {
+    const ball = ballFromPanorama(panorama.radiance, panorama.height, LIGHTING_SIZE);
+    return new Light(Lighting.fromRadiance(ball), about, lamps, panorama);
+  }
+
+  /** Part of all directions that a camera saw, 0 to 1; elsewhere the light is estimated. */
+  get seenShare(): number {
+    return this.panorama ? seenShare(this.panorama) : 0;
+  }
 
   /** Of the whole environment, the main light included. */
   get harmonics(): Harmonics {
@@ -69,19 +84,25 @@ export class Light {
    * @param viewU where the view stands instead, 0 to 1 from the left edge: 0.25 for three.js.
    */
   environment(height = 256, viewU = 0.5): Float32Array {
-    return rolled(this.lighting.equirect(height), 2 * height, viewU - 0.5);
+    const { panorama, lighting } = this;
+    const level = panorama
+      ? resized(panorama.radiance, panorama.height, height)
+      : lighting.equirect(height);
+    return rolled(level, 2 * height, viewU - 0.5);
   }
 
-  /** A Radiance file of 256 x 512 pixels, as `deeplight estimate` writes it. */
+  /** A Radiance file, as `deeplight estimate` writes it: 256 x 512 pixels, or the panorama's own size. */
   hdr(viewU = 0.5): Blob {
-    return hdrFile(this.lighting, viewU);
+    const { panorama } = this;
+    if (!panorama) return hdrFile(this.lighting, viewU);
+    return panoramaFile(panorama.radiance, panorama.height, viewU);
   }
 
   /** The JSON file of `deeplight estimate`. @throws TypeError after `turned`. */
   json(): Blob {
     if (!this.about)
       throw new TypeError("expected a light in its camera's frame, got a turned one");
-    return jsonFile(this.lighting, this.about);
+    return jsonFile(this.lighting, this.about, { lamps: this.lamps, environment: this.panorama });
   }
 
   /** The same light in another frame: `newFromCamera` takes our directions to that frame's. */
@@ -90,7 +111,9 @@ export class Light {
       ...lamp,
       direction: turnedVector(newFromCamera, lamp.direction),
     }));
-    return new Light(this.lighting.turned(newFromCamera), null, lamps);
+    const { panorama } = this;
+    if (!panorama) return new Light(this.lighting.turned(newFromCamera), null, lamps);
+    return Light.of(turnedEnvironment(panorama, newFromCamera), null, lamps);
   }
 }
 

@@ -8,6 +8,7 @@ import { Smoother } from "./light/smoother.ts";
 import { Light } from "./light.ts";
 import { type PhotoSource, taken } from "./photo/source.ts";
 import { onEachFrame } from "./photo/video.ts";
+import { type TrackedLight, type Tracking, type TrackOptions, track } from "./track.ts";
 import InlineWorker from "./worker.ts?worker&inline";
 
 export interface LoadOptions {
@@ -28,6 +29,11 @@ export interface LoadOptions {
 export interface EstimateOptions {
   /** Of the whole upright picture; else what a JPEG file gives, else 66 degrees along the long side. */
   readonly verticalFovRad?: number | undefined;
+  /**
+   * Puts the photo's own pixels where the camera looked, and lamps at their size, into a panorama of
+   * so many rows (even, 64 to 2048): `Light.panorama`. Left out, the light is the network's alone.
+   */
+  readonly rows?: number | undefined;
 }
 
 export interface FollowOptions extends EstimateOptions {
@@ -108,6 +114,18 @@ export class LightEstimator {
     return stopAll;
   }
 
+  /**
+   * Gathers the light of a place while a camera looks around: `seen` gets the light of all frames so
+   * far. Nothing is estimated while nothing moves. One place at a time.
+   */
+  track(
+    video: HTMLVideoElement,
+    seen: (tracked: TrackedLight) => void,
+    options: TrackOptions = {},
+  ): Tracking {
+    return track(this.estimator, video, seen, options);
+  }
+
   /** Ends the worker. What is under way and what comes later fails with `closed`. */
   close(): void {
     this.#isClosed = true;
@@ -118,11 +136,13 @@ export class LightEstimator {
     if (this.#isClosed) throw closed();
     const { frame, width, height, file, ...known } = await taken(source);
     const verticalFovRad = options.verticalFovRad ?? known.verticalFovRad;
-    const estimate = await this.estimator.estimate(frame, verticalFovRad);
+    const estimate = await this.estimator.estimate(frame, verticalFovRad, options.rows);
     if (!estimate) throw closed();
     const photo = { file, width, height };
-    const lamps = estimate.others.get(this.model.contract.lamps_name);
     const about = { model: this.model, photo, verticalFovRad };
+    const { scene } = estimate;
+    if (scene) return Light.of(scene, about, scene.lamps);
+    const lamps = estimate.others.get(this.model.contract.lamps_name);
     return new Light(estimate.lighting, about, lamps ? lampsOf(lamps) : []);
   }
 }

@@ -174,6 +174,20 @@ export const LIGHTING_FILE = {
   }
 } as const;
 
+export const SCENE_FILE = {
+  "lamps": {
+    "in_environment": true,
+    "meaning": "even discs far away; direction: unit vector towards the lamp; flux: RGB radiance integrated over the disc; irradiance: on a surface that faces it, both in the radiance unit times sr; when they are used as lights, the environment must hold the rest only (in_environment false)",
+    "lamps": []
+  },
+  "seen": {
+    "height": 64,
+    "width": 128,
+    "encoding": "base64 of zlib of 8 bits, rows from the top, 255 = the photo shows it; centre column = the view, whatever the environment files are turned for",
+    "levels": null
+  }
+} as const;
+
 export const TRANSFER = {
   "magic": 1414548548,
   "version": 1,

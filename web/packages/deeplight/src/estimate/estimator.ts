@@ -4,14 +4,18 @@ import { EstimateError } from "../errors.ts";
 import { Lighting } from "../light/lighting.ts";
 import type { Contract } from "../network/contract.ts";
 import type { Dense } from "../network/onnx.ts";
+import type { SceneLight } from "../scene/scene-light.ts";
 import type { Progress } from "./download.ts";
 import type { Frame } from "./picker.ts";
-import type { Fault, Reply, Request } from "./worker.ts";
+import type { Tracked } from "./tracker.ts";
+import type { Answer, Fault, Reply, Request, TrackRequest } from "./worker.ts";
 
 export interface Estimate {
   readonly lighting: Lighting;
   /** What else the network gives, by the names of its outputs. */
   readonly others: ReadonlyMap<string, Dense>;
+  /** The photo in its light, where that was asked for. */
+  readonly scene: SceneLight | null;
   readonly preprocessMs: number;
   readonly runMs: number;
 }
@@ -32,12 +36,12 @@ export interface ModelFacts {
   readonly sha256: string | null; // null where the browser offers no hashes: plain http
 }
 
-type Answer = Extract<Reply, { logRadiance: unknown } | { failed: unknown }>;
+/** What the worker says of one frame. */
+type Answered = Extract<Reply, { runMs: number } | { tracked: unknown } | { failed: unknown }>;
 
 interface Job {
-  readonly frame: Frame;
-  readonly verticalFovRad: number | undefined;
-  readonly done: (estimate: Estimate | null) => void;
+  readonly request: Extract<Request, { frame: unknown }>;
+  readonly done: (answer: Answer | Tracked | null) => void;
   readonly failed: (error: EstimateError) => void;
 }
 
@@ -69,11 +73,39 @@ export class Estimator {
    * The light of an upright, opaque frame, which is closed. Without a field of view the long side is
    * taken to span 66 degrees. Null when a newer frame took its place, after `close`, and where
    * `loaded` fails.
+   *
+   * @param sceneRows also puts the photo into its light: a panorama of so many rows.
    */
-  estimate(frame: Frame, verticalFovRad?: number): Promise<Estimate | null> {
+  async estimate(
+    frame: Frame,
+    verticalFovRad?: number,
+    sceneRows?: number,
+  ): Promise<Estimate | null> {
+    const answer = await this.#asked({ frame, verticalFovRad, sceneRows });
+    if (!answer || !("logRadiance" in answer)) return null;
+    const { logRadiance, ...others } = answer;
+    return { lighting: new Lighting(logRadiance), ...others };
+  }
+
+  /** Takes a frame, which is closed, into the light of the place; null as from `estimate`. */
+  async track(
+    frame: Frame,
+    verticalFovRad: number | undefined,
+    track: TrackRequest,
+  ): Promise<Tracked | null> {
+    const answer = await this.#asked({ frame, verticalFovRad, track });
+    return answer && "isStill" in answer ? answer : null;
+  }
+
+  /** Forgets what was tracked: the place has been left. */
+  leavePlace(): void {
+    if (!this.#closed) this.worker.postMessage({ leave: true } satisfies Request);
+  }
+
+  #asked(request: Job["request"]): Promise<Answer | Tracked | null> {
     return new Promise((done, failed) => {
       drop(this.#waiting);
-      this.#waiting = { frame, verticalFovRad, done, failed };
+      this.#waiting = { request, done, failed };
       this.#next();
     });
   }
@@ -95,8 +127,7 @@ export class Estimator {
       return;
     }
     this.#running = job;
-    const request: Request = { frame: job.frame, verticalFovRad: job.verticalFovRad };
-    this.worker.postMessage(request, [job.frame]);
+    this.worker.postMessage(job.request, [job.request.frame]);
   }
 
   #load(model: URL | Uint8Array, onProgress: Progress): Promise<ModelFacts> {
@@ -120,15 +151,11 @@ export class Estimator {
     });
   }
 
-  #answered(reply: Answer): void {
+  #answered(reply: Answered): void {
     const job = this.#running;
     this.#running = null;
-    if ("logRadiance" in reply) {
-      const { logRadiance, others, preprocessMs, runMs } = reply;
-      job?.done({ lighting: new Lighting(logRadiance), others, preprocessMs, runMs });
-    } else {
-      job?.failed(errorOf(reply.failed));
-    }
+    if ("failed" in reply) job?.failed(errorOf(reply.failed));
+    else job?.done("tracked" in reply ? reply.tracked : reply);
     this.#next();
   }
 }
@@ -138,6 +165,6 @@ function errorOf({ kind, detail }: Fault): EstimateError {
 }
 
 function drop(job: Job | null): void {
-  job?.frame.close();
+  job?.request.frame.close();
   job?.done(null);
 }

@@ -1,29 +1,58 @@
 /** Runs the network next to the page: one model, then one frame after the other. */
 
 import { EstimateError, type EstimateErrorKind } from "../errors.ts";
+import { type Lamp, lampsOf } from "../light/lamp.ts";
+import type { Matrix3x3 } from "../light/matrix.ts";
 import type { Contract } from "../network/contract.ts";
 import { Network } from "../network/network.ts";
 import type { Dense } from "../network/onnx.ts";
-import { CellMeans } from "./cell-means.ts";
+import { planeOf, reducedSize } from "../scene/image-plane.ts";
+import { type SceneLight, sceneLight } from "../scene/scene-light.ts";
+import { CellMeans, wholePhoto } from "./cell-means.ts";
 import { download } from "./download.ts";
 import { framePhoto } from "./framing.ts";
 import { type Frame, Picker, sizeOf } from "./picker.ts";
+import { type Tracked, Tracker } from "./tracker.ts";
+
+interface WithFrame {
+  readonly frame: Frame;
+  readonly verticalFovRad: number | undefined;
+}
 
 export type Request =
   /** The address of a model file, or its bytes. */
   | { readonly load: string | Uint8Array }
-  | { readonly frame: Frame; readonly verticalFovRad: number | undefined };
+  /** One frame for itself; with `sceneRows` put into its light, a panorama of so many rows. */
+  | (WithFrame & { readonly sceneRows?: number | undefined })
+  /** One of many frames of a place. */
+  | (WithFrame & { readonly track: TrackRequest })
+  /** What was tracked is forgotten. */
+  | { readonly leave: true };
+
+export interface TrackRequest {
+  /** How the camera was held; null where only the pictures tell. */
+  readonly worldFromCamera: Matrix3x3 | null;
+  /** For the first one where only the pictures tell. */
+  readonly start: Matrix3x3;
+  /** Rows of the fused light; 0 leaves it out. */
+  readonly rows: number;
+}
+
+export interface Answer {
+  readonly logRadiance: Float32Array;
+  /** What else the network gives, by name. */
+  readonly others: ReadonlyMap<string, Dense>;
+  /** Where it was asked for. */
+  readonly scene: SceneLight | null;
+  readonly preprocessMs: number;
+  readonly runMs: number;
+}
 
 export type Reply =
   | { readonly progress: readonly [done: number, all: number] }
   | { readonly loaded: { readonly contract: Contract; readonly sha256: string | null } }
-  | {
-      readonly logRadiance: Float32Array;
-      /** What else the network gives, by name. */
-      readonly others: ReadonlyMap<string, Dense>;
-      readonly preprocessMs: number;
-      readonly runMs: number;
-    }
+  | Answer
+  | { readonly tracked: Tracked }
   | { readonly failed: Fault }
   | { readonly notLoaded: Fault };
 
@@ -39,12 +68,21 @@ let loading: Promise<Network> | undefined;
 let isAsked = false;
 const picker = new Picker();
 
+const tracker = new Tracker();
+
 self.onmessage = ({ data }: MessageEvent<Request>) => {
   if ("load" in data) {
     load(data.load).then(reply, (error: unknown) => reply({ notLoaded: faultOf(error) }));
+  } else if ("leave" in data) {
+    tracker.leave();
   } else {
-    const light = estimate(data.frame, data.verticalFovRad);
-    light.then(reply, (error: unknown) => reply({ failed: faultOf(error) }));
+    const answer =
+      "track" in data
+        ? tracker
+            .next(whenLoaded(), picker, data.frame, data.verticalFovRad, data.track)
+            .then((tracked) => ({ tracked }))
+        : estimate(data.frame, data.verticalFovRad, data.sceneRows);
+    answer.then(reply, (error: unknown) => reply({ failed: faultOf(error) }));
   }
 };
 
@@ -72,24 +110,42 @@ function warmUp(network: Network): void {
   network.run(new Float32Array(3 * height * width));
 }
 
-async function estimate(frame: Frame, verticalFovRad?: number): Promise<Reply> {
+async function whenLoaded(): Promise<Network> {
   isAsked = true;
   const network = await loading;
   if (network === undefined) throw new EstimateError("runtime", "expected a loaded model");
+  return network;
+}
+
+async function estimate(frame: Frame, fov?: number, sceneRows?: number): Promise<Answer> {
+  const network = await whenLoaded();
   const { contract } = network;
   const started = performance.now();
-  const { width, height } = sizeOf(frame);
-  const means = new CellMeans(framePhoto(height, width, verticalFovRad, contract));
-  const isReversed = await picker.pick(frame, means);
+  const photo = sizeOf(frame);
+  const framing = framePhoto(photo.height, photo.width, fov, contract);
+  const means = new CellMeans(framing);
+  const plane = planeOf(photo, framing.verticalFovRad);
+  const small = sceneRows ? reducedSize(photo, plane, sceneRows) : null;
+  const whole = small && new CellMeans(wholePhoto(photo, small));
+  const isReversed = await picker.pick(frame, ...(whole ? [means, whole] : [means]));
   frame.close();
   const planes = means.planes(contract.input_low, contract.input_high, isReversed);
   const prepared = performance.now();
   const { logRadiance, others } = network.estimate(planes);
   const done = performance.now();
-  if (!logRadiance.every((value) => value < 88.7)) {
-    throw new EstimateError("no-light", "expected finite light, got NaN or infinity");
+  requireFinite(logRadiance);
+  let scene: SceneLight | null = null;
+  if (whole && small && sceneRows) {
+    const placed = { ...small, pixels: whole.rgb(isReversed), plane };
+    scene = sceneLight(logRadiance.map(Math.exp), placed, sceneRows, lampsIn(others, contract));
   }
-  return { logRadiance, others, preprocessMs: prepared - started, runMs: done - prepared };
+  return { logRadiance, others, scene, preprocessMs: prepared - started, runMs: done - prepared };
+}
+
+/** Those that the network names. */
+function lampsIn(others: ReadonlyMap<string, Dense>, contract: Contract): readonly Lamp[] {
+  const lamps = others.get(contract.lamps_name);
+  return lamps ? lampsOf(lamps) : [];
 }
 
 /** Of the model file, for the JSON; null where the browser has no hashes (plain http). */
@@ -97,6 +153,12 @@ async function hash(bytes: Uint8Array): Promise<string | null> {
   if (!globalThis.crypto?.subtle) return null;
   const digest = await crypto.subtle.digest("SHA-256", bytes as Uint8Array<ArrayBuffer>);
   return Array.from(new Uint8Array(digest), (byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+function requireFinite(logRadiance: Float32Array): void {
+  if (!logRadiance.every((value) => value < 88.7)) {
+    throw new EstimateError("no-light", "expected finite light, got NaN or infinity");
+  }
 }
 
 function reply(message: Reply): void {

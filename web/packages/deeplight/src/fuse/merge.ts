@@ -3,6 +3,7 @@
  * which says why it is merged so.
  */
 import { FUSE, LUMINANCE } from "../contract/generated.ts";
+import type { Environment } from "../light/environment.ts";
 import type { Matrix3x3, Vector3 } from "../light/matrix.ts";
 import { nearestLit, uvFromDirection } from "../light/mirror-ball.ts";
 import { enlarged, powerOf, rowSolidAngles, shrunk, texelDirections } from "../light/panorama.ts";
@@ -14,13 +15,6 @@ import { logPower } from "./view.ts";
 const { BRIGHTEST, DIM, ESTIMATE_ROWS, FIND_KAPPA, FIND_ROWS, LEVEL, LOBE_KAPPA, NEAR } = FUSE;
 const [R, G, B] = LUMINANCE;
 
-/** A fused light: a panorama of `height` x 2 `height`, and how much of each texel was seen. */
-export interface Fused {
-  readonly radiance: Float32Array;
-  readonly seen: Float32Array;
-  readonly height: number;
-}
-
 /** Views in one world with what was made of them. */
 export interface Gathered {
   readonly views: readonly View[];
@@ -31,7 +25,11 @@ export interface Gathered {
 }
 
 /** One light out of all views, in the frame of a camera held like `worldFromFrame`. */
-export function environmentOf(from: Gathered, worldFromFrame: Matrix3x3, height: number): Fused {
+export function environmentOf(
+  from: Gathered,
+  worldFromFrame: Matrix3x3,
+  height: number,
+): Environment {
   const { views, cells, logGain, trust } = from;
   const directions = turnedAll(texelDirections(height), worldFromFrame);
   const seen = blended(views, cells, logGain, trust, directions);

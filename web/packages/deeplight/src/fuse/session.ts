@@ -3,9 +3,10 @@
  * session.py, and its golden values. Memory is constant: at most `mostViews` pictures of 192 rows.
  */
 import { FUSE } from "../contract/generated.ts";
+import type { Environment } from "../light/environment.ts";
 import { IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
 import { overlapOf, placesOf, solveGains, trusted } from "./gains.ts";
-import { environmentOf, type Fused } from "./merge.ts";
+import { environmentOf } from "./merge.ts";
 import { type Cells, cellsOf, logPower, type SmallPicture, type View } from "./view.ts";
 
 const { CHANGED, LEAST_OVERLAP_SR, LIKE_EXPOSURE, MOST_VIEWS, NEAR_RAD, PATIENCE } = FUSE;
@@ -110,7 +111,7 @@ export class Session {
     height: number = FUSE.HEIGHT,
     worldFromCamera: Matrix3x3 = this.#firstTurn,
     logGain: Rgb = [0, 0, 0],
-  ): Fused {
+  ): Environment {
     if (this.#kept.length === 0) throw new RangeError("expected a frame, got none: add one first");
     const gains = this.gains.map((value, i) => value - logGain[(i % 3) as 0 | 1 | 2]);
     const cells = this.#kept.map((kept) => kept.cells);

@@ -12,8 +12,13 @@ const SHORTEST_RUN = 4; // a shorter one saves nothing
  * @param viewU where the view stands instead, 0 to 1 from the left edge, for other tools' frames.
  */
 export function hdrFile(lighting: Lighting, viewU = 0.5): Blob {
-  const panorama = rolled(lighting.equirect(LATLONG_HEIGHT), 2 * LATLONG_HEIGHT, viewU - 0.5);
-  return new Blob([encodedHdr(panorama, 2 * LATLONG_HEIGHT)], { type: "image/vnd.radiance" });
+  return panoramaFile(lighting.equirect(LATLONG_HEIGHT), LATLONG_HEIGHT, viewU);
+}
+
+/** A panorama of `height` x 2 `height` at its own size. */
+export function panoramaFile(radiance: Float32Array, height: number, viewU = 0.5): Blob {
+  const panorama = rolled(radiance, 2 * height, viewU - 0.5);
+  return new Blob([encodedHdr(panorama, 2 * height)], { type: "image/vnd.radiance" });
 }
 
 /** Each row of `width` RGB pixels moved right by a share of it, around the edge. */

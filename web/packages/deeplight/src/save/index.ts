@@ -1,2 +1,2 @@
-export { hdrFile } from "./hdr-file.ts";
+export { hdrFile, panoramaFile } from "./hdr-file.ts";
 export { type About, jsonFile } from "./json-file.ts";

@@ -1,7 +1,9 @@
 /** The JSON file that `deeplight estimate` writes; `deeplight convert` and `compose` read it. */
-import { CONDON_SHORTLEY, LIGHTING_FILE, WHOLE_VIEW } from "../contract/generated.ts";
+import { CONDON_SHORTLEY, LIGHTING_FILE, SCENE_FILE, WHOLE_VIEW } from "../contract/generated.ts";
 import type { ModelFacts } from "../estimate/estimator.ts";
 import { framePhoto, usedFraction, visibleFraction } from "../estimate/framing.ts";
+import { type Environment, resized } from "../light/environment.ts";
+import type { Lamp } from "../light/lamp.ts";
 import type { Lighting } from "../light/lighting.ts";
 
 /** Where a light comes from. */
@@ -16,12 +18,22 @@ export interface About {
   readonly notes?: readonly string[];
 }
 
-export function jsonFile(lighting: Lighting, about: About): Blob {
-  const text = `${JSON.stringify(record(lighting, about), null, 1)}\n`;
+/** What a light holds beyond the ball: see `Environment` and `Lamp`. */
+export interface Beyond {
+  readonly lamps: readonly Lamp[];
+  readonly environment: Environment | null;
+}
+
+export function jsonFile(lighting: Lighting, about: About, beyond?: Beyond): Blob {
+  const text = `${JSON.stringify(record(lighting, about, beyond), null, 1)}\n`;
   return new Blob([text], { type: "application/json" });
 }
 
-export function record(lighting: Lighting, about: About): Record<string, unknown> {
+export function record(
+  lighting: Lighting,
+  about: About,
+  { lamps, environment }: Beyond = { lamps: [], environment: null },
+): Record<string, unknown> {
   return {
     ...LIGHTING_FILE,
     environment: { ...LIGHTING_FILE.environment, files: about.environments ?? [] },
@@ -30,7 +42,7 @@ export function record(lighting: Lighting, about: About): Record<string, unknown
     mirror_ball: {
       ...LIGHTING_FILE.mirror_ball,
       size: lighting.size,
-      radiance: base64(lighting.radiance()),
+      radiance: base64(bytesOf(lighting.radiance())),
     },
     contract_version: about.model.contract.version,
     model: {
@@ -40,7 +52,35 @@ export function record(lighting: Lighting, about: About): Record<string, unknown
     },
     photo: { ...about.photo },
     ...framingFacts(about),
+    ...(lamps.length ? { lamps: { ...SCENE_FILE.lamps, lamps: lamps.map(lampEntry) } } : {}),
+    ...(environment ? { seen: seenEntry(environment) } : {}),
   };
+}
+
+function lampEntry({ direction, flux, angularRadiusRad }: Lamp): Record<string, unknown> {
+  // pi sin^2(r) of its radiance, which is its flux over 4 pi sin^2(r / 2).
+  const facing = Math.cos(angularRadiusRad / 2) ** 2;
+  const irradiance = flux.map((value) => value * facing);
+  return { direction, flux, irradiance, angular_radius_rad: angularRadiusRad };
+}
+
+function seenEntry({ seen, height }: Environment): Record<string, unknown> {
+  const rows = Math.min(SCENE_FILE.seen.height, height);
+  const small = resized(seen, height, rows, 1);
+  const levels = Uint8Array.from(small, (share) => Math.floor(255 * share + 0.5));
+  return { ...SCENE_FILE.seen, height: rows, width: 2 * rows, levels: base64(zlibbed(levels)) };
+}
+
+/** Bytes in zlib's format, as they are: for at most 65,535 of them. */
+function zlibbed(bytes: Uint8Array): Uint8Array {
+  let [a, b] = [1, 0];
+  for (const byte of bytes) {
+    a = (a + byte) % 65521;
+    b = (b + a) % 65521;
+  }
+  const length = [bytes.length & 255, bytes.length >> 8];
+  const head = [0x78, 0x01, 0x01, ...length, ...length.map((byte) => 255 - byte)];
+  return Uint8Array.from([...head, ...bytes, b >> 8, b & 255, a >> 8, a & 255]);
 }
 
 function dominantLight(lighting: Lighting): Record<string, unknown> {
@@ -87,7 +127,10 @@ function framingFacts({ photo, verticalFovRad, model, notes }: About): Record<st
 }
 
 /** 32-bit floats, little-endian. */
-function base64(values: Float32Array): string {
-  const bytes = new Uint8Array(values.buffer, values.byteOffset, values.byteLength);
+function bytesOf(values: Float32Array): Uint8Array {
+  return new Uint8Array(values.buffer, values.byteOffset, values.byteLength);
+}
+
+function base64(bytes: Uint8Array): string {
   return btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
 }

@@ -109,7 +109,9 @@ function mainExcess(ball: Float32Array, size: number): Float32Array {
   return ball.map((value, i) => {
     const pixel = Math.floor(i / 3);
     if (!isNear[pixel]) return 0;
-    return Math.max(value - medians[i % 3]!, 0) * smoothstep((CONE_RAD - away[pixel]!) / CONE_EDGE_RAD);
+    return (
+      Math.max(value - medians[i % 3]!, 0) * smoothstep((CONE_RAD - away[pixel]!) / CONE_EDGE_RAD)
+    );
   });
 }
 

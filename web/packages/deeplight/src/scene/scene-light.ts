@@ -1,17 +1,14 @@
 /** One photo's environment: the photo where the camera looked, the network elsewhere, and lamps. environment.py. */
+import type { Environment } from "../light/environment.ts";
 import { addLamps, type Lamp } from "../light/lamp.ts";
 import { enlarged } from "../light/panorama.ts";
 import { type PlacedPhoto, projected } from "./image-plane.ts";
 import { findLamps } from "./lamps.ts";
 import { adapted, mapRows, smoothMap } from "./surroundings.ts";
 
-/** A scene's light: a panorama of `height` x 2 `height` with its lamps drawn in it. */
-export interface SceneLight {
-  readonly radiance: Float32Array;
-  readonly height: number;
-  /** How much of a texel the photo shows, 0 to 1; elsewhere the light is estimated. */
-  readonly seen: Float32Array;
-  /** Compact lights, the strongest first; in `radiance`, each at its place and size. */
+/** A scene's light with its lamps drawn in it, each at its place and size. */
+export interface SceneLight extends Environment {
+  /** Compact lights, the strongest first; in `radiance` already. */
   readonly lamps: readonly Lamp[];
 }
 

@@ -1,0 +1,137 @@
+/** The frames of one place, one after the other: an estimate where something moved, and the light of all. */
+
+import { EstimateError } from "../errors.ts";
+import { type Added, Session } from "../fuse/session.ts";
+import { type SmallPicture, smallSize } from "../fuse/view.ts";
+import { angleBetween, VisualRotation } from "../fuse/visual-rotation.ts";
+import { type Environment, seenShare } from "../light/environment.ts";
+import { IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
+import type { Network } from "../network/network.ts";
+import { CellMeans, wholePhoto } from "./cell-means.ts";
+import { framePhoto } from "./framing.ts";
+import { type Frame, type Picker, sizeOf } from "./picker.ts";
+import type { TrackRequest } from "./worker.ts";
+
+/** Turned by less, and with pixels that differ by less on average, a frame says nothing new. */
+const STILL_RAD = 0.004;
+const STILL_LEVELS = 1.5;
+/** So many pictures in a row that show nothing known, and the place counts as left. */
+const PATIENCE = 8;
+
+/** What became of a frame. */
+export interface Tracked {
+  /** How the camera was held; null where that is not known any more. */
+  readonly worldFromCamera: Matrix3x3 | null;
+  /** Nothing had moved, so nothing was estimated. */
+  readonly isStill: boolean;
+  /** What is known was begun anew: the place or the light changed. */
+  readonly isNew: boolean;
+  /** Null where the frame was not taken in. */
+  readonly added: Added | null;
+  /** The light of all frames in the world's frame, relative to this frame's white; null where not asked for. */
+  readonly light: Environment | null;
+  /** Part of all directions that was seen, 0 to 1; null as `light`. */
+  readonly seenShare: number | null;
+  readonly preprocessMs: number;
+  readonly runMs: number;
+  readonly fuseMs: number;
+}
+
+export class Tracker {
+  readonly #session = new Session();
+  readonly #visual = new VisualRotation();
+  #last: { picture: SmallPicture; pose: Matrix3x3 } | null = null;
+  #logGain: Added["logGain"] = [0, 0, 0];
+  #isVisual = false;
+  #lost = 0;
+
+  /** Takes in a frame, which is closed. */
+  async next(
+    loading: Promise<Network>,
+    picker: Picker,
+    frame: Frame,
+    fov: number | undefined,
+    { worldFromCamera, start, rows }: TrackRequest,
+  ): Promise<Tracked> {
+    const network = await loading;
+    const { contract } = network;
+    const started = performance.now();
+    const photo = sizeOf(frame);
+    const framing = framePhoto(photo.height, photo.width, fov, contract);
+    const { verticalFovRad } = framing;
+    const small = smallSize(photo.height, photo.width, verticalFovRad);
+    const [means, whole] = [new CellMeans(framing), new CellMeans(wholePhoto(photo, small))];
+    const isReversed = await picker.pick(frame, means, whole);
+    frame.close();
+    const pixels = Uint8Array.from(whole.rgb(isReversed), (value) => Math.round(255 * value));
+    const picture = { ...small, pixels, verticalFovRad };
+    const { pose, isNew: isElsewhere } = this.#held(picture, worldFromCamera, start);
+    const prepared = performance.now();
+    const times = { preprocessMs: prepared - started, runMs: 0, fuseMs: 0 };
+    if (!pose || this.#isStill(picture, pose)) {
+      const isStill = pose !== null;
+      return {
+        ...times,
+        ...this.#light(rows),
+        worldFromCamera: pose,
+        isStill,
+        isNew: false,
+        added: null,
+      };
+    }
+    const { logRadiance } = network.estimate(
+      means.planes(contract.input_low, contract.input_high, isReversed),
+    );
+    if (!logRadiance.every((value) => value < 88.7)) {
+      throw new EstimateError("no-light", "expected finite light, got NaN or infinity");
+    }
+    const done = performance.now();
+    const added = this.#session.add(picture, pose, logRadiance);
+    this.#last = { picture, pose };
+    this.#logGain = added.logGain;
+    const light = this.#light(rows);
+    const isNew = isElsewhere || added.forgotten;
+    const spent = { runMs: done - prepared, fuseMs: performance.now() - done };
+    return { ...times, ...spent, ...light, worldFromCamera: pose, isStill: false, isNew, added };
+  }
+
+  /** Forgets everything: the place has been left. */
+  leave(): void {
+    this.#session.reset();
+    this.#visual.reset();
+    this.#last = null;
+    this.#lost = 0;
+  }
+
+  /** How the camera is held: as was said, else as the pictures show. */
+  #held(picture: SmallPicture, said: Matrix3x3 | null, start: Matrix3x3) {
+    const isVisual = said === null;
+    // The two have worlds of their own.
+    const changed = this.#last !== null && isVisual !== this.#isVisual;
+    if (changed) this.leave();
+    this.#isVisual = isVisual;
+    if (said) return { pose: said, isNew: changed };
+    const pose = this.#visual.next(picture, start);
+    this.#lost = pose ? 0 : this.#lost + 1;
+    if (this.#lost < PATIENCE) return { pose, isNew: changed };
+    this.leave();
+    return { pose: this.#visual.next(picture, start), isNew: true };
+  }
+
+  #isStill(picture: SmallPicture, pose: Matrix3x3): boolean {
+    const { picture: before, pose: held } = this.#last ?? {};
+    if (!before || !held || before.pixels.length !== picture.pixels.length) return false;
+    if (angleBetween(held, pose) > STILL_RAD) return false;
+    let sum = 0;
+    for (let i = 0; i < picture.pixels.length; i++) {
+      sum += Math.abs(picture.pixels[i]! - before.pixels[i]!);
+    }
+    return sum / picture.pixels.length < STILL_LEVELS;
+  }
+
+  #light(rows: number): Pick<Tracked, "light" | "seenShare"> {
+    if (rows === 0 || this.#session.views.length === 0) return { light: null, seenShare: null };
+    const light = this.#session.environment(rows, IDENTITY, this.#logGain);
+    return { light, seenShare: seenShare(light) };
+  }
+}
