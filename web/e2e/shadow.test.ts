@@ -1,5 +1,5 @@
 /** The shadow of a .glb on the floor: whatever stands behind each other blocks a direction once. */
-import { IDENTITY, Lighting } from "deeplight/core";
+import { IDENTITY, Light, Lighting } from "deeplight/core";
 import type { Browser, Page } from "playwright-core";
 import { createServer, type ViteDevServer } from "vite";
 import { afterAll, beforeAll, expect, test } from "vitest";
@@ -28,7 +28,7 @@ afterAll(async () => {
 
 /** What the box leaves of the rays that the floor below its middle gets. */
 function expected(): number {
-  const light = Lighting.fromRadiance(Float32Array.from(radiance));
+  const light = new Light(Lighting.fromRadiance(Float32Array.from(radiance)), null);
   const { toLight, power } = floorRays(light, IDENTITY, RAYS);
   let left = 1;
   for (let ray = 0; ray < RAYS; ray++) {

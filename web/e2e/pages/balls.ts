@@ -10,6 +10,7 @@ import {
   WebGLRenderTarget,
 } from "three";
 import { Lighting } from "../../packages/deeplight/src/light/lighting.ts";
+import { Light } from "../../packages/deeplight/src/light.ts";
 import type { Matrix3x3 } from "../../packages/deeplight/src/light/matrix.ts";
 import { worldFromCamera } from "../../src/sensors/pose.ts";
 import { BallLight } from "../../src/view/ball-light.ts";
@@ -31,7 +32,7 @@ function ball(
   const pose = worldFromCamera(yaw, pitch, roll);
   const lighting = new Lighting(Float32Array.from(logRadiance));
   const scene = new Scene();
-  light.set(lighting, pose);
+  light.set(new Light(lighting, null), pose);
   const material = kind === "mirror" ? light.mirror() : light.lights(standardMaterial(kind));
   if (kind === "glossy") Object.assign(material, { roughness: 0, metalness: 1 }); // sharp
   scene.add(new Mesh(new SphereGeometry(1, 192, 96), material));

@@ -1,5 +1,5 @@
 /** Draws the floor under a box that floats at height 1, as the page does. */
-import { IDENTITY, Lighting } from "deeplight/core";
+import { IDENTITY, Light, Lighting } from "deeplight/core";
 import {
   BoxGeometry,
   FloatType,
@@ -24,7 +24,8 @@ function left(radiance: readonly number[], boxes: number): number {
   const box = new Mesh(new BoxGeometry(1, 0.5, 1).translate(0, 1.25, 0));
   for (let i = 1; i < boxes; i++) box.add(new Mesh(box.geometry));
   const shadow = new FloorShadow(box, 12 * boxes);
-  shadow.setLight(Lighting.fromRadiance(Float32Array.from(radiance)), IDENTITY);
+  const lighting = Lighting.fromRadiance(Float32Array.from(radiance));
+  shadow.setLight(new Light(lighting, null), IDENTITY);
   const white = new Mesh(new PlaneGeometry(9, 9).rotateX(-Math.PI / 2), new MeshBasicMaterial());
   white.position.y = -1;
   const scene = new Scene().add(white, shadow.mesh);

@@ -4,9 +4,9 @@ import {
   type About,
   ASSUMED_LONG_SIDE_FOV_RAD,
   type Estimator,
-  type Lighting,
+  IDENTITY,
+  Light,
   type Matrix3x3,
-  Smoother,
 } from "deeplight/core";
 import { hasSeveralCameras, LiveCamera } from "../camera/live.ts";
 import { Photo } from "../camera/photo.ts";
@@ -19,16 +19,19 @@ import { Gestures } from "../view/gestures.ts";
 import { Hand } from "../view/hand.ts";
 import { Showroom } from "../view/showroom.ts";
 import { Stage } from "../view/stage.ts";
-import { announce, box, button, canvas, element } from "./elements.ts";
+import { announce, box, canvas, element } from "./elements.ts";
 import { inWords } from "./light-in-words.ts";
 import { LightPanel } from "./light-panel.ts";
 import { Meter } from "./meter.ts";
 import type { ModelLoader } from "./model-loader.ts";
 import type { Notice } from "./notice.ts";
-import { Watch } from "./watch.ts";
+import { type Event, facingOf, next, pictureOf, START, type State } from "./state.ts";
+import { type Looked, type Seen, Watch } from "./watch.ts";
 
-/** As `deeplight compose` assumes where nothing gives the tilt. */
+/** As `deeplight compose` assumes where nothing tells the tilt. */
 export const ASSUMED_TILT_RAD = (-15 * Math.PI) / 180;
+/** Rows of a saved light of many frames. */
+const SAVED_ROWS = 512;
 
 export class App {
   readonly stage: Stage;
@@ -37,23 +40,19 @@ export class App {
   readonly sensor = new OrientationSensor();
   /** Called when the picture, the pose or the tools' state have changed. */
   onChange: () => void = () => {};
+  /** Called when the light or the camera's direction has changed. */
+  onLight: () => void = () => {};
   readonly firstLight: Promise<void>;
   private wasLit: () => void = () => {};
-  /** How the camera is held where no sensor gives it. */
+  /** How the camera is held where no sensor tells. */
   tiltRad = ASSUMED_TILT_RAD;
-  /** The newest light, smoothed while live. */
-  light: Lighting | null = null;
-  private picture: Picture | null = null;
-  private facing: Facing = "environment";
-  /** How the phone was held when its picture was frozen. */
-  private heldPose: Matrix3x3 | null = null;
-  private wasFrozen = false;
-  /** Counts what was opened and closed: a camera that comes too late is not wanted any more. */
-  private asked = 0;
-  /** The camera is off because nobody sees the page. */
-  private sleeping = false;
+  state: State = START;
+  /** The newest light. */
+  seen: Seen | null = null;
+  hasSeveralCameras = false;
+  /** How the camera is held, as its pictures say. */
+  private visualPose: Matrix3x3 | null = null;
   private watch: Watch | null = null;
-  private readonly smoother = new Smoother();
   private readonly meter = new Meter();
   private readonly panel = new LightPanel();
 
@@ -77,100 +76,129 @@ export class App {
     addEventListener("popstate", () => this.leave());
   }
 
-  get shows(): "nothing" | "live" | "frozen" | "photo" {
-    if (!this.picture) return "nothing";
-    if (this.picture.kind === "live") return "live";
-    return this.wasFrozen ? "frozen" : "photo";
+  get light(): Light | null {
+    return this.seen?.light ?? null;
   }
 
-  async openCamera(facing: Facing = this.facing): Promise<void> {
-    const goesOn = this.shows === "live" || this.shows === "frozen";
+  async openCamera(facing: Facing = facingOf(this.state)): Promise<void> {
+    const goesOn = this.state.shows === "live" || this.state.shows === "frozen";
     const { tiltRad } = this;
-    this.release();
-    const { asked } = this;
+    this.go({ what: "camera-asked", facing });
+    const opening = this.state;
     try {
       const camera = await LiveCamera.open(element("video", HTMLVideoElement), facing);
-      if (asked !== this.asked) return camera.close(); // something else was opened meanwhile
-      this.facing = camera.facing;
+      if (this.state !== opening) return camera.close(); // something else was opened meanwhile
       camera.onLost = () => {
         this.leave();
         this.notice.show(new Failure("camera-lost"));
       };
+      this.go({ what: "camera-opened", picture: camera, facing: camera.facing });
       this.show(camera, goesOn ? tiltRad : ASSUMED_TILT_RAD, goesOn);
-      button("switch-camera").hidden = !(await hasSeveralCameras());
+      this.hasSeveralCameras = await hasSeveralCameras();
+      this.onChange();
     } catch (error) {
-      if (asked !== this.asked) return;
+      if (this.state !== opening) return;
       this.leave();
       this.notice.show(error);
     }
   }
 
   otherCamera(): Promise<void> {
-    return this.openCamera(this.facing === "user" ? "environment" : "user");
+    const { facing } = this;
+    // Without sensors nothing says how the two cameras' worlds fit together.
+    if (!this.sensor.isOn) this.forget();
+    return this.openCamera(facing === "user" ? "environment" : "user");
   }
 
   async openPhoto(file: Blob | Promise<Blob>, tiltRad = ASSUMED_TILT_RAD): Promise<void> {
     try {
-      const photo = await Photo.open(await file);
-      this.release();
-      this.show(photo, tiltRad);
+      const picture = await Photo.open(await file);
+      this.go({ what: "photo-opened", picture });
+      this.forget();
+      this.show(picture, tiltRad);
     } catch (error) {
       this.notice.show(error);
     }
   }
 
-  /** Keeps the camera's picture of now as a photo; or goes on live. */
+  /** Keeps the camera's picture of now as a photo, and the light so far; or goes on live. */
   async freeze(): Promise<void> {
-    if (this.shows === "frozen") return this.openCamera();
-    if (this.picture?.kind !== "live") return;
-    const pose = this.pose();
-    const photo = Photo.of(this.picture);
-    this.picture.close();
-    this.picture = photo;
-    this.wasFrozen = true;
-    this.heldPose = pose;
-    this.stage.show(photo);
-    this.smoother.reset();
-    this.estimate();
+    if (this.state.shows === "frozen") return this.openCamera();
+    if (this.state.shows !== "live") return;
+    const { seen } = this;
+    const heldPose = this.pose();
+    const picture = Photo.of(this.state.picture);
+    this.watch?.stop();
+    this.go({ what: "frozen", picture, heldPose });
+    this.stage.show(picture);
+    if (seen?.frame === "world") {
+      this.seen = seen;
+      this.stage.setLight(seen.light, IDENTITY);
+      this.onChange();
+    } else this.estimate();
     announce("Picture frozen.");
   }
 
   /** Back to the start screen, camera off. */
   leave(): void {
-    this.release();
+    this.go({ what: "left" });
+    this.forget();
     box("viewer").hidden = true;
     box("start").hidden = false;
     if (history.state?.viewing) history.back();
     this.onChange();
   }
 
+  /** Forgets what the camera has seen so far. */
+  forget(): void {
+    this.watch?.estimator.leavePlace();
+    this.visualPose = null;
+    this.watch?.again();
+  }
+
   /** After tilt, height or field of view were set by hand: the object keeps its place on screen. */
   cameraWasSet(lightToo: boolean): void {
     const place = this.stage.place();
-    this.heldPose = null;
-    this.smoother.reset(); // the light did not turn, our idea of the camera did
+    if (this.state.shows === "frozen") {
+      this.state = { ...this.state, heldPose: worldFromCamera(0, this.tiltRad) };
+    }
+    if (this.state.shows !== "photo") this.forget(); // the light did not turn, our idea of the camera did
     this.stage.setPose(this.pose());
-    if (this.light) this.stage.setLight(this.light, this.pose());
+    if (this.seen?.frame === "camera") this.stage.setLight(this.seen.light, this.pose());
     this.stage.layOut();
     this.hand.standAt(...place);
     if (lightToo) this.watch?.look();
   }
 
-  /** Where the camera looks: as the sensors say, else as it was set. */
+  /** Where the camera looks: as the sensors say, else as the pictures do, else as it was set. */
   pose(): Matrix3x3 {
-    const sensed = this.shows === "live" ? this.sensor.pose(this.facing) : this.heldPose;
-    return sensed ?? worldFromCamera(0, this.tiltRad);
+    const { state } = this;
+    const held = state.shows === "frozen" ? state.heldPose : null;
+    return held ?? this.sensedPose() ?? this.visualPose ?? this.startPose();
   }
 
   /** Where the light of now comes from, for its file. */
   about(): About {
-    const { picture } = this;
+    const picture = pictureOf(this.state);
     const model = this.watch?.estimator.model;
     if (!picture || !model) throw new Failure("cannot-save", "nothing is estimated");
     const { file, width, height } = picture;
-    const notes = picture.kind === "live" ? ["smoothed over the camera's last frames"] : [];
+    const notes = this.seen?.frame === "world" ? ["gathered from the camera's frames so far"] : [];
     const photo = { file, width, height };
     return { model, photo, verticalFovRad: this.fovOf(picture), notes };
+  }
+
+  /** The light of now in the camera's frame, as fine as it is known. */
+  async lightToSave(): Promise<Light> {
+    const { seen, watch } = this;
+    const about = this.about();
+    if (!seen || !watch) throw new Failure("cannot-save", "no light yet");
+    const { lighting, lamps, panorama } = seen.light;
+    if (seen.frame === "camera") return new Light(lighting, about, lamps, panorama);
+    const request = { worldFromCamera: this.pose(), rows: SAVED_ROWS };
+    const environment = await watch.estimator.fused(request);
+    if (!environment) throw new Failure("cannot-save", "no light yet");
+    return Light.of(environment, about);
   }
 
   showLightPanel(is: boolean): void {
@@ -178,12 +206,25 @@ export class App {
     if (is) this.panel.refresh();
   }
 
+  get facing(): Facing {
+    return facingOf(this.state);
+  }
+
+  /** Changes the state; what was shown and is not any more lets go of the camera or the memory. */
+  private go(event: Event): void {
+    const before = pictureOf(this.state);
+    this.state = next(this.state, event);
+    if (before === null || before === pictureOf(this.state)) return;
+    this.watch?.stop();
+    before.close();
+    this.seen = null;
+    this.panel.clear();
+    this.stage.clear();
+  }
+
   /** @param keepsPlace leaves the object where it stands: the same camera goes on. */
   private show(picture: Picture, tiltRad: number, keepsPlace = false): void {
-    this.picture = picture;
     this.tiltRad = tiltRad;
-    this.wasFrozen = false;
-    this.heldPose = null;
     box("start").hidden = true;
     box("viewer").hidden = false;
     if (!history.state?.viewing) history.pushState({ viewing: true }, "");
@@ -193,7 +234,7 @@ export class App {
   }
 
   private put(picture: Picture, keepsPlace: boolean): void {
-    if (this.picture !== picture) return;
+    if (pictureOf(this.state) !== picture) return;
     try {
       this.stage.show(picture);
       if (keepsPlace) this.stage.setPose(this.pose());
@@ -205,19 +246,18 @@ export class App {
   }
 
   private placeAgain(): void {
-    this.smoother.reset();
     this.stage.setPose(this.pose());
     this.hand.reset();
     this.onChange();
   }
 
   private estimate(): void {
-    const { picture } = this;
+    const picture = pictureOf(this.state);
     this.meter.clear();
     this.showMeter();
     this.onChange();
     this.model.use((estimator) => {
-      if (!picture || this.picture !== picture) return;
+      if (!picture || pictureOf(this.state) !== picture) return;
       if (this.watch?.estimator !== estimator) this.watch = this.watchWith(estimator);
       this.watch.start(picture);
     });
@@ -225,28 +265,55 @@ export class App {
 
   private watchWith(estimator: Estimator): Watch {
     return new Watch(estimator, {
-      pose: () => this.pose(),
+      sensedPose: () => this.sensedPose(),
+      startPose: () => this.startPose(),
       verticalFovRad: (of) => this.fovOf(of),
-      seen: ({ lighting, worldFromCamera: pose, tookMs }) => this.seen(lighting, pose, tookMs),
+      seen: (seen) => this.lit(seen),
+      looked: (looked) => this.looked(looked),
       failed: (error) => this.notice.show(error, () => this.estimate()),
     });
   }
 
-  private seen(lighting: Lighting, pose: Matrix3x3, tookMs: number): void {
-    const isLive = this.shows === "live";
-    const isFirst = this.light === null;
-    const now = performance.now();
-    this.light = isLive ? this.smoother.next(lighting, now, pose) : lighting;
-    this.stage.setLight(this.light, pose);
-    this.panel.show(this.light);
-    this.meter.count(now, tookMs);
-    this.showMeter();
-    if (isFirst || !isLive) announce(`Light estimated. ${inWords(this.light.mainLight())}`);
-    if (isFirst) this.onChange();
+  private lit(seen: Seen): void {
+    const isFirst = this.seen === null;
+    this.seen = seen;
+    this.stage.setLight(seen.light, seen.frame === "world" ? IDENTITY : this.pose());
+    this.panel.show(this.lightAhead(seen));
+    const isLive = seen.frame === "world";
+    if (isFirst || (!isLive && !seen.isFirst)) {
+      announce(`Light estimated. ${inWords(this.lightAhead(seen).mainLight())}`);
+    }
+    if (isFirst || !isLive) this.onChange();
+    this.onLight();
     this.wasLit();
   }
 
-  /** As the file says or the slider was set; undefined leaves the usual to be assumed. */
+  /** As the camera sees it now. */
+  private lightAhead({ light, frame }: Seen) {
+    if (frame === "camera") return light.lighting;
+    const [a, b, c, d, e, f, g, h, i] = this.pose();
+    return light.lighting.turned([a, d, g, b, e, h, c, f, i]);
+  }
+
+  private looked({ visualPose, isNew, tookMs }: Looked): void {
+    this.meter.count(performance.now(), tookMs);
+    this.showMeter();
+    if (isNew) announce("Another place: the light is gathered anew.");
+    if (visualPose) {
+      this.visualPose = visualPose;
+      this.moved();
+    }
+  }
+
+  private sensedPose(): Matrix3x3 | null {
+    return (this.state.shows === "live" && this.sensor.pose(this.facing)) || null;
+  }
+
+  private startPose(): Matrix3x3 {
+    return worldFromCamera(0, this.tiltRad);
+  }
+
+  /** As the file tells or the slider was set; undefined leaves the usual to be assumed. */
   private fovOf(picture: Picture): number | undefined {
     const { longSideFovRad } = this.stage;
     if (picture.verticalFovRad || longSideFovRad === ASSUMED_LONG_SIDE_FOV_RAD) {
@@ -260,29 +327,14 @@ export class App {
   }
 
   private moved(): void {
-    if (this.shows === "live") this.stage.setPose(this.pose());
-  }
-
-  private release(): void {
-    this.asked++;
-    this.watch?.stop();
-    this.picture?.close();
-    this.picture = null;
-    this.light = null;
-    this.smoother.reset();
-    this.panel.clear();
-    this.stage.clear();
+    if (this.state.shows !== "live") return;
+    this.stage.setPose(this.pose());
+    this.onLight();
   }
 
   /** A page that nobody sees does not film. */
   private visibilityChanged(): void {
-    if (document.hidden && this.shows === "live") {
-      this.watch?.stop();
-      this.picture?.close();
-      this.sleeping = true;
-    } else if (!document.hidden && this.sleeping) {
-      this.sleeping = false;
-      void this.openCamera();
-    }
+    if (document.hidden) this.go({ what: "hidden" });
+    else if (this.state.shows === "asleep") void this.openCamera();
   }
 }

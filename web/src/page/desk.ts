@@ -1,13 +1,15 @@
 /** The tools around the view: they set what the app shows, and show what it holds. */
-import { hdrFile, jsonFile } from "deeplight/core";
 import { Failure } from "../failure.ts";
-import { mayRead } from "../sensors/orientation.ts";
 import { pitchOf } from "../sensors/pose.ts";
 import type { App } from "./app.ts";
 import { Chips, connectTrays, press, Slider } from "./controls.ts";
-import { announce, box, button, input } from "./elements.ts";
+import { announce, box, button, canvas, input } from "./elements.ts";
+import { unsureOf } from "./light-in-words.ts";
 import type { Notice } from "./notice.ts";
-import { give, pictureFile } from "./takeaway.ts";
+import { canRecord, Recorder } from "./recorder.ts";
+import { drawRing, sectorsSeen } from "./ring.ts";
+import { deskOf } from "./state.ts";
+import { give, panoramaPicture, pictureFile } from "./takeaway.ts";
 
 const DEGREES = 180 / Math.PI;
 const SENSOR_PATIENCE_MS = 1500;
@@ -27,6 +29,7 @@ export class Desk {
   private readonly fov: Slider;
   private readonly objects: Chips;
   private readonly materials: Chips;
+  private recorder: Recorder | null = null;
 
   constructor(
     private readonly app: App,
@@ -60,6 +63,7 @@ export class Desk {
     this.materials = new Chips("materials", (name) => app.showroom.setMaterial(name));
     this.connect();
     app.onChange = () => this.show();
+    app.onLight = () => this.showRing();
     hand.onChange = () => this.showHand();
     this.show();
   }
@@ -78,6 +82,9 @@ export class Desk {
     on("save-picture", () => void this.save(() => pictureFile(app.stage.snapshot(), stem())));
     on("save-hdr", () => void this.saveLight("hdr"));
     on("save-json", () => void this.saveLight("json"));
+    on("save-panorama", () => void this.savePanorama());
+    on("record", () => void this.record());
+    on("around", () => this.forget());
   }
 
   /** One of the built-in objects, or the user's that was opened. */
@@ -102,17 +109,26 @@ export class Desk {
 
   private show(): void {
     const { app } = this;
-    const isLive = app.shows === "live";
-    const isFrozen = app.shows === "frozen";
-    const hasLight = app.light !== null;
-    button("freeze").hidden = !(isLive || isFrozen);
-    button("freeze").firstElementChild!.textContent = isFrozen ? "Live" : "Freeze";
-    press("freeze", isFrozen);
-    if (!isLive) button("switch-camera").hidden = true;
-    button("motion").hidden = !isLive;
+    const view = deskOf(app.state, {
+      hasLight: app.light !== null,
+      hasSeveralCameras: app.hasSeveralCameras,
+      hasSensor: app.sensor.isOn,
+      recordsVideo: canRecord(app.stage.canvas),
+    });
+    button("freeze").hidden = view.freeze === null;
+    button("freeze").firstElementChild!.textContent = view.freeze ?? "";
+    press("freeze", view.freeze === "Live");
+    button("switch-camera").hidden = !view.offersOtherCamera;
+    button("motion").hidden = !view.offersMotion;
     press("motion", app.sensor.isOn);
-    for (const id of ["save-picture", "save-hdr", "save-json"]) button(id).disabled = !hasLight;
-    this.tilt.enable(!(isLive && app.sensor.isOn));
+    for (const id of ["save-picture", "save-hdr", "save-json", "save-panorama"]) {
+      button(id).disabled = !view.savesLight;
+    }
+    button("record").hidden = !view.savesVideo && !this.recorder;
+    button("around").hidden = !view.showsRing;
+    this.tilt.enable(view.setsTilt);
+    this.showSure();
+    this.showRing();
     this.tilt.show(Math.round(pitchOf(app.pose()) * DEGREES));
     this.height.show(app.stage.heightM);
     this.fov.show(app.stage.longSideFovRad * DEGREES);
@@ -152,13 +168,50 @@ export class Desk {
     this.app.showLightPanel(is);
   }
 
-  private saveLight(kind: "hdr" | "json"): Promise<void> {
+  /** How sure the estimate is, where it is not. */
+  private showSure(): void {
+    const confidence = this.app.seen?.confidence;
+    const unsure = confidence ? unsureOf(confidence) : "";
+    box("unsure").textContent = unsure;
+    box("unsure").hidden = unsure === "";
+  }
+
+  /** Which way one has looked. */
+  private showRing(): void {
     const { light } = this.app;
+    if (!light?.panorama || button("around").hidden) return;
+    const percent = Math.round(100 * light.seenShare);
+    button("around").setAttribute("aria-label", `${percent} % of all directions seen. Begin anew`);
+    drawRing(canvas("ring"), sectorsSeen(light.panorama, this.app.pose()));
+  }
+
+  private forget(): void {
+    this.app.forget();
+    announce("What was seen is forgotten.");
+  }
+
+  private saveLight(kind: "hdr" | "json"): Promise<void> {
     return this.save(async () => {
-      if (!light) throw new Failure("cannot-save", "no light yet");
-      const blob = kind === "hdr" ? hdrFile(light) : jsonFile(light, this.app.about());
+      const light = await this.app.lightToSave();
+      const blob = kind === "hdr" ? light.hdr() : light.json();
       return new File([blob], `${stem()}.${kind}`, { type: blob.type });
     });
+  }
+
+  private savePanorama(): Promise<void> {
+    return this.save(async () => panoramaPicture(await this.app.lightToSave(), stem()));
+  }
+
+  /** Begins a film of the picture with the object in it, or ends it and gives it away. */
+  private async record(): Promise<void> {
+    const { recorder } = this;
+    if (recorder) {
+      this.recorder = null;
+      await this.save(() => recorder.end(stem()));
+    } else this.recorder = Recorder.start(this.app.stage.canvas);
+    button("record").textContent = this.recorder ? "End the video" : "Video";
+    press("record", this.recorder !== null);
+    this.show();
   }
 
   private async save(make: () => Promise<File>): Promise<void> {
@@ -173,9 +226,9 @@ export class Desk {
   }
 }
 
-/** Starts the sensors where nobody has to be asked. */
-export async function followMotionUnasked({ sensor }: App): Promise<void> {
-  if (await mayRead()) sensor.start();
+/** Asks for the sensors where that is needed, in the same tap as for the camera. */
+export async function followMotion({ sensor }: App): Promise<void> {
+  await sensor.ask().catch(() => {}); // without them the pictures tell how the phone turns
 }
 
 function inMetres(value: number): string {

@@ -1,6 +1,6 @@
 import { Lighting, pixelOfDirection } from "deeplight/core";
 import { describe, expect, it } from "vitest";
-import { inWords } from "./light-in-words.ts";
+import { inWords, unsureOf } from "./light-in-words.ts";
 
 function lampAt(x: number, y: number, z: number): Lighting {
   const log = new Float32Array(32 * 32 * 3);
@@ -22,5 +22,27 @@ describe("inWords", () => {
 
   it("says when no light stands out", () => {
     expect(inWords(new Lighting(new Float32Array(32 * 32 * 3)).mainLight())).toMatch(/evenly/);
+  });
+});
+
+describe("what is not known", () => {
+  const known = "roughly known";
+  const sure = { directionDeg: 0, brightnessStops: 0, colourDeg: 0, hasDirection: true };
+
+  it("is said by its name, or nothing is", () => {
+    const words = { direction: known, brightness: known, colour: known } as const;
+    expect(unsureOf({ ...sure, words, warnings: [] })).toBe("");
+    const vague = { ...words, direction: "not known", brightness: "not known" } as const;
+    expect(unsureOf({ ...sure, words: vague, warnings: [] })).toBe(
+      "Unsure: direction and brightness of the light",
+    );
+  });
+
+  it("is the photo's own fault first", () => {
+    const words = { direction: "not known", brightness: known, colour: known } as const;
+    const warnings = ["the photo is almost black: its light is a guess"];
+    expect(unsureOf({ ...sure, words, warnings })).toBe(
+      "The photo is almost black: its light is a guess.",
+    );
   });
 });

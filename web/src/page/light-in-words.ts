@@ -1,5 +1,5 @@
 /** The main light as one would say it, for who does not see the panel. */
-import type { MainLight } from "deeplight/core";
+import type { Confidence, MainLight } from "deeplight/core";
 
 const SIDES = [
   "ahead",
@@ -20,4 +20,14 @@ export function inWords({ direction: [right, up, back], share }: MainLight): str
   const side = aboveDeg > 75 ? "above" : SIDES[(eighth + 8) % 8];
   const height = aboveDeg >= 0 ? `${aboveDeg} degrees up` : `${-aboveDeg} degrees down`;
   return `The main light comes from ${side}, ${height}.`;
+}
+
+/** What is not known of a photo's light; empty where all of it is, roughly. */
+export function unsureOf({ words, warnings }: Confidence): string {
+  const [warning] = warnings;
+  if (warning) return `${warning[0]!.toUpperCase()}${warning.slice(1)}.`;
+  const vague = (["direction", "brightness", "colour"] as const).filter(
+    (name) => words[name] === "not known",
+  );
+  return vague.length > 0 ? `Unsure: ${vague.join(" and ")} of the light` : "";
 }

@@ -2,7 +2,7 @@
 
 import { Failure } from "../failure.ts";
 import { App } from "./app.ts";
-import { Desk, followMotionUnasked } from "./desk.ts";
+import { Desk, followMotion } from "./desk.ts";
 import { box, button, input } from "./elements.ts";
 import { EXAMPLES } from "./examples.ts";
 import { connectIntake } from "./intake.ts";
@@ -28,7 +28,7 @@ function start(): void {
   const app = new App(notice, model);
   const desk = new Desk(app, notice);
   button("open-camera").addEventListener("click", () => {
-    void followMotionUnasked(app);
+    void followMotion(app);
     void app.openCamera();
   });
   button("open-photo").addEventListener("click", () => input("photo-file").click());

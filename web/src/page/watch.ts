@@ -1,19 +1,48 @@
-/** Estimates the light of what is on screen: of a photo once, of a camera's newest frame for ever. */
+/** Estimates the light of what is on screen: of a photo once, of a camera as long as it films. */
 
-import { type Estimator, type Lighting, type Matrix3x3, onEachFrame } from "deeplight/core";
+import {
+  type Confidence,
+  type Estimator,
+  Light,
+  type Matrix3x3,
+  onEachFrame,
+} from "deeplight/core";
 import type { Picture } from "../camera/picture.ts";
 
-/** The light of one frame, and how the camera was held when it was taken. */
+/** Rows of a photo's light, and of what a camera has seen. */
+const PHOTO_ROWS = 256;
+const LIVE_ROWS = 128;
+/** Between two lights of all frames: the object's light follows no faster than this. */
+const LIVE_MS = 200;
+
+/** The light of what is shown. */
 export interface Seen {
-  readonly lighting: Lighting;
-  readonly worldFromCamera: Matrix3x3;
+  readonly light: Light;
+  /** In whose frame it is: the camera's of a photo, the world's of a film. */
+  readonly frame: "camera" | "world";
+  /** Of a photo; null as long as it is not known. */
+  readonly confidence: Confidence | null;
+  /** More of the same photo's light is to come. */
+  readonly isFirst: boolean;
+}
+
+/** A frame of a film was looked at. */
+export interface Looked {
+  /** As the pictures say; null where the sensors do, and undefined where it is not known any more. */
+  readonly visualPose: Matrix3x3 | null | undefined;
+  /** What was known was forgotten: another place, another light. */
+  readonly isNew: boolean;
   readonly tookMs: number;
 }
 
 export interface Watcher {
-  pose(): Matrix3x3;
+  /** As the sensors say; null without them. */
+  sensedPose(): Matrix3x3 | null;
+  /** For the first frame without sensors. */
+  startPose(): Matrix3x3;
   verticalFovRad(picture: Picture): number | undefined;
   seen(seen: Seen): void;
+  looked(looked: Looked): void;
   failed(error: unknown): void;
 }
 
@@ -21,7 +50,8 @@ export class Watch {
   private stopFrames = (): void => {};
   private picture: Picture | null = null;
   private busy = false;
-  private again = false;
+  private isAsked = false;
+  private litMs = Number.NEGATIVE_INFINITY;
 
   constructor(
     readonly estimator: Estimator,
@@ -31,6 +61,7 @@ export class Watch {
   start(picture: Picture): void {
     this.stop();
     this.picture = picture;
+    this.litMs = Number.NEGATIVE_INFINITY;
     if (picture.source instanceof HTMLVideoElement) {
       this.stopFrames = onEachFrame(picture.source, () => this.look());
     } else {
@@ -38,24 +69,31 @@ export class Watch {
     }
   }
 
-  /** Estimates what is shown now; where one is under way, as soon as that is done. */
+  /** Looks at what is shown now; where that is under way, as soon as it is done. */
   look(): void {
-    this.again = true;
+    this.isAsked = true;
     if (!this.busy) void this.estimate();
+  }
+
+  /** The light is wanted once more, even if it is the same. */
+  again(): void {
+    this.litMs = Number.NEGATIVE_INFINITY;
   }
 
   stop(): void {
     this.stopFrames();
     this.stopFrames = () => {};
     this.picture = null;
-    this.again = false;
+    this.isAsked = false;
   }
 
   private async estimate(): Promise<void> {
     this.busy = true;
-    while (this.again && this.picture) {
-      this.again = false;
-      await this.one(this.picture).catch((error: unknown) => {
+    while (this.isAsked && this.picture) {
+      this.isAsked = false;
+      const { picture } = this;
+      const one = picture.kind === "live" ? this.track(picture) : this.still(picture);
+      await one.catch((error: unknown) => {
         this.stop();
         this.watcher.failed(error);
       });
@@ -63,15 +101,48 @@ export class Watch {
     this.busy = false;
   }
 
-  private async one(picture: Picture): Promise<void> {
-    // While a model loads, a film goes on: its first frame would be old.
-    if (picture.kind === "live") await this.estimator.loaded.catch(() => {});
-    if (this.picture !== picture) return;
-    const worldFromCamera = this.watcher.pose();
+  private async still(picture: Picture): Promise<void> {
     const frame = await picture.grab();
-    const estimate = await this.estimator.estimate(frame, this.watcher.verticalFovRad(picture));
-    if (!estimate || this.picture !== picture) return; // of a picture that is gone
-    const tookMs = estimate.preprocessMs + estimate.runMs;
-    this.watcher.seen({ lighting: estimate.lighting, worldFromCamera, tookMs });
+    const fov = this.watcher.verticalFovRad(picture);
+    const isGone = () => this.picture !== picture;
+    const estimate = await this.estimator.estimate(frame, fov, PHOTO_ROWS, (first) => {
+      if (isGone()) return;
+      this.watcher.looked({
+        visualPose: null,
+        isNew: false,
+        tookMs: first.preprocessMs + first.runMs,
+      });
+      const light = new Light(first.lighting, null);
+      this.watcher.seen({ light, frame: "camera", confidence: null, isFirst: true });
+    });
+    if (!estimate?.scene || isGone()) return;
+    const { scene, confidence } = estimate;
+    const light = Light.of(scene, null, scene.lamps);
+    this.watcher.seen({ light, frame: "camera", confidence, isFirst: false });
+  }
+
+  private async track(picture: Picture): Promise<void> {
+    // While a model loads, a film goes on: its first frame would be old.
+    await this.estimator.loaded.catch(() => {});
+    if (this.picture !== picture) return;
+    const now = performance.now();
+    const rows = now - this.litMs >= LIVE_MS ? LIVE_ROWS : 0;
+    const worldFromCamera = this.watcher.sensedPose();
+    const evenIfSame = this.litMs === Number.NEGATIVE_INFINITY;
+    const request = { worldFromCamera, start: this.watcher.startPose(), rows, evenIfSame };
+    const frame = await picture.grab();
+    const tracked = await this.estimator.track(
+      frame,
+      this.watcher.verticalFovRad(picture),
+      request,
+    );
+    if (!tracked || this.picture !== picture) return; // of a picture that is gone
+    const { preprocessMs, runMs, fuseMs, isNew } = tracked;
+    const visualPose = worldFromCamera ? null : (tracked.worldFromCamera ?? undefined);
+    this.watcher.looked({ visualPose, isNew, tookMs: preprocessMs + runMs + fuseMs });
+    if (!tracked.light) return;
+    this.litMs = now;
+    const light = Light.of(tracked.light, null);
+    this.watcher.seen({ light, frame: "world", confidence: null, isFirst: false });
   }
 }

@@ -8,6 +8,19 @@ const ON_BALL = `
     vec3 d = cameraFromWorld * worldDirection;
     vec2 uv = d.xy * inversesqrt(max(2.0 + 2.0 * d.z, 1e-6));
     return vec2(0.5 + 0.5 * uv.x, 0.5 - 0.5 * uv.y);
+  }
+  uniform sampler2D panorama;
+  uniform float panoramaRows;
+  // What surroundings look like from a surface that spreads light over an angle, in radians: from the
+  // panorama, or from the ball where that is as coarse as it is anyway. A pixel of the ball spans 10
+  // degrees, and twice that on each coarser level.
+  vec3 surroundings(vec3 worldDirection, float angle) {
+    vec3 onTheBall = textureLod(ball, onBall(worldDirection), log2(max(1.0, 8.0 * angle))).rgb;
+    if (panoramaRows == 0.0) return onTheBall;
+    vec3 d = normalize(cameraFromWorld * worldDirection);
+    vec2 at = vec2(0.5 + atan(d.x, -d.z) / 6.28318531, acos(clamp(d.y, -1.0, 1.0)) / 3.14159265);
+    float level = log2(max(1.0, angle * panoramaRows / 3.14159265));
+    return mix(textureLod(panorama, at, level).rgb, onTheBall, smoothstep(0.12, 0.3, angle));
   }`;
 
 /** Harmonics of `harmonics.py`, up to order 2. */
@@ -22,11 +35,9 @@ export const LOOK_UP = `${ON_BALL}
       + 0.54627422 * (d.x * d.x - d.y * d.y) * irradianceOf[8];
     return max(sum, 0.0);
   }
-  // Half of what GGX reflects lies within 2 atan(alpha) of the mirror direction; a pixel of the ball
-  // spans 10 degrees, and twice that on each coarser level.
+  // Half of what GGX reflects lies within 2 atan(alpha) of the mirror direction.
   vec3 ballRadiance(vec3 worldDirection, float roughness) {
-    float level = log2(max(1.0, 16.0 * atan(roughness * roughness)));
-    return textureLod(ball, onBall(worldDirection), level).rgb;
+    return surroundings(worldDirection, 2.0 * atan(roughness * roughness));
   }`;
 
 /** In place of three.js's light maps and environments. */
@@ -63,7 +74,9 @@ export const MIRROR_FRAGMENT = `${ON_BALL}
       ? vec3(viewMatrix[0][2], viewMatrix[1][2], viewMatrix[2][2])
       : normalize(cameraPosition - at);
     vec3 normal = normalize(facing) * (gl_FrontFacing ? 1.0 : -1.0);
-    vec3 radiance = textureLod(ball, onBall(reflect(-toView, normal)), 0.0).rgb;
+    vec3 mirrored = reflect(-toView, normal);
+    // As wide as a pixel sees, or small lights would flicker.
+    vec3 radiance = surroundings(mirrored, min(length(fwidth(mirrored)), 0.1));
     gl_FragColor = vec4(reflectivity * radiance, 1.0);
     #include <tonemapping_fragment>
   }`;

@@ -1,11 +1,9 @@
 /** The built-in objects: diffuse and silver by precomputed transfer, mirror and gloss by the light's ball. */
 
-import { IDENTITY, LIGHTING_SIZE, Lighting, type Matrix3x3, product } from "deeplight/core";
+import { IDENTITY, LIGHTING_SIZE, Light, Lighting, type Matrix3x3, product } from "deeplight/core";
 import { Group, Mesh } from "three";
 import { Failure } from "../failure.ts";
 import {
-  type GroundShadow,
-  makeGroundShadow,
   makeTransferObject,
   parseTransfer,
   type Transfer,
@@ -14,6 +12,7 @@ import {
 } from "../transfer/index.ts";
 import { BallLight } from "./ball-light.ts";
 import type { Exhibit } from "./exhibit.ts";
+import { FloorShadow } from "./floor-shadow.ts";
 import { type MaterialName, standardMaterial } from "./material.ts";
 
 /** One line of objects/index.json. */
@@ -29,15 +28,15 @@ export class BuiltIn implements Exhibit {
   readonly object = new Group();
   readonly materials: readonly Finish[] = ["diffuse", "silver", "mirror", "glossy"];
   material: Finish = "diffuse";
-  private readonly shadow: GroundShadow;
+  private readonly shadow: FloorShadow;
   private readonly made = new Map<Finish, Mesh>();
   private readonly ballLight = new BallLight();
   private harmonics: Float32Array | null = null;
 
   private constructor(private readonly transfer: Transfer) {
-    this.shadow = makeGroundShadow(transfer);
-    this.object.add(this.shadow);
     this.setMaterial("diffuse");
+    this.shadow = new FloorShadow(this.mesh(), transfer.triangles.length / 3);
+    this.object.add(this.shadow.mesh);
   }
 
   /** @throws Failure `object-missing`. */
@@ -46,7 +45,8 @@ export class BuiltIn implements Exhibit {
     try {
       const made = new BuiltIn(parseTransfer(await response.arrayBuffer()));
       // The first light makes tables for all others: better while nobody waits for it.
-      made.setLight(new Lighting(new Float32Array(3 * LIGHTING_SIZE ** 2)), IDENTITY, IDENTITY);
+      const white = new Lighting(new Float32Array(3 * LIGHTING_SIZE ** 2));
+      made.setLight(new Light(white, null), IDENTITY, IDENTITY);
       return made;
     } catch (error) {
       throw error instanceof TransferError ? new Failure("object-missing", error.message) : error;
@@ -60,10 +60,12 @@ export class BuiltIn implements Exhibit {
     this.light();
   }
 
-  setLight(lighting: Lighting, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
-    const turned = lighting.turned(product(objectFromWorld, worldFromCamera));
+  setLight(light: Light, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
+    const objectFromCamera = product(objectFromWorld, worldFromCamera);
+    const turned = light.lighting.turned(objectFromCamera);
     this.harmonics = turned.harmonics(this.transfer.order);
-    this.ballLight.set(lighting, worldFromCamera);
+    this.ballLight.set(light, worldFromCamera);
+    this.shadow.setLight(light, objectFromCamera);
     this.light();
   }
 
@@ -76,7 +78,6 @@ export class BuiltIn implements Exhibit {
   private light(): void {
     const mesh = this.mesh();
     if (!this.harmonics) return;
-    this.shadow.setLight(this.harmonics);
     if (isTransfer(mesh)) mesh.setLight(this.harmonics);
   }
 

@@ -1,6 +1,6 @@
 /** What can stand in the picture: one of the built-in objects or the user's own. */
 
-import type { Lighting, Matrix3x3 } from "deeplight/core";
+import type { Light, Matrix3x3 } from "deeplight/core";
 import type { Object3D } from "three";
 import type { MaterialName } from "./material.ts";
 
@@ -11,6 +11,6 @@ export interface Exhibit {
   readonly material: MaterialName;
   setMaterial(name: MaterialName): void;
   /** New light, in the frame of a camera held like `worldFromCamera`. */
-  setLight(lighting: Lighting, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void;
+  setLight(light: Light, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void;
   dispose(): void;
 }

@@ -1,16 +1,17 @@
-import { IDENTITY, Lighting, pixelOfDirection } from "deeplight/core";
+import { IDENTITY, Light, Lighting, pixelOfDirection } from "deeplight/core";
 import { describe, expect, it } from "vitest";
 import { worldFromCamera } from "../sensors/pose.ts";
 import { floorRays } from "./floor-rays.ts";
 
 const EVEN = new Float32Array(32 * 32 * 3);
+const EVENLY = new Light(new Lighting(EVEN), null);
 
-function lamp(direction: readonly [number, number, number], rgb: readonly number[]): Lighting {
+function lamp(direction: readonly [number, number, number], rgb: readonly number[]): Light {
   const log = EVEN.slice();
   rgb.forEach((value, c) => {
     log[3 * pixelOfDirection(direction, 32) + c] = Math.log(value);
   });
-  return new Lighting(log);
+  return new Light(new Lighting(log), null);
 }
 
 const sums = (power: Float32Array): number[] =>
@@ -19,13 +20,13 @@ const sums = (power: Float32Array): number[] =>
 describe("floorRays", () => {
   it("shares out all light, in every channel", () => {
     const up = lamp([0.6, 0.8, 0], [900, 600, 300]);
-    for (const light of [new Lighting(EVEN), up]) {
+    for (const light of [EVENLY, up]) {
       for (const sum of sums(floorRays(light, IDENTITY, 96).power)) expect(sum).toBeCloseTo(1, 1);
     }
   });
 
   it("comes from above, and for even light from every side alike", () => {
-    const { toLight } = floorRays(new Lighting(EVEN), IDENTITY, 96);
+    const { toLight } = floorRays(EVENLY, IDENTITY, 96);
     const mean = [0, 0, 0];
     toLight.forEach((value, i) => {
       mean[i % 3]! += value / 96;

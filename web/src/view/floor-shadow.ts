@@ -8,7 +8,7 @@
  * What is blocked is added up; the floor then multiplies the picture by what is left.
  */
 
-import { GAMMA, type Lighting, type Matrix3x3 } from "deeplight/core";
+import { GAMMA, type Light, type Matrix3x3 } from "deeplight/core";
 import {
   AddEquation,
   CustomBlending,
@@ -31,7 +31,7 @@ import {
 } from "three";
 import { floorRays } from "./floor-rays.ts";
 
-const PIXELS = 256;
+const PIXELS = 512;
 /** Half the side of the floor that can be in shadow, for an object of size 1. */
 const REACH = 2.5;
 const MOST_RAYS = 96;
@@ -91,9 +91,9 @@ export class FloorShadow {
   }
 
   /** New light in a camera's frame; `objectFromCamera` turns its directions. */
-  setLight(lighting: Lighting, objectFromCamera: Matrix3x3): void {
+  setLight(light: Light, objectFromCamera: Matrix3x3): void {
     const count = this.toLight.count;
-    const { toLight, power } = floorRays(lighting, objectFromCamera, count);
+    const { toLight, power } = floorRays(light, objectFromCamera, count);
     this.toLight.copyArray(toLight).needsUpdate = true;
     this.power.copyArray(power).needsUpdate = true;
     this.isOld = true;

@@ -1,6 +1,6 @@
 /** The user's own object: a .glb file, read here and nowhere else. */
 
-import { type Lighting, type Matrix3x3, product } from "deeplight/core";
+import { type Light, type Matrix3x3, product } from "deeplight/core";
 import {
   Box3,
   Group,
@@ -62,9 +62,9 @@ export class OwnObject implements Exhibit {
     for (const [mesh, own] of this.parts) mesh.material = one ?? own;
   }
 
-  setLight(lighting: Lighting, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
-    this.light.set(lighting, worldFromCamera);
-    this.shadow.setLight(lighting, product(objectFromWorld, worldFromCamera));
+  setLight(light: Light, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
+    this.light.set(light, worldFromCamera);
+    this.shadow.setLight(light, product(objectFromWorld, worldFromCamera));
   }
 
   private made(name: Exclude<MaterialName, "file">): Material {

@@ -1,6 +1,6 @@
 /** The view: the camera's picture, and in it an object with its shadow, drawn when something changed. */
 
-import { ASSUMED_LONG_SIDE_FOV_RAD, IDENTITY, type Lighting, type Matrix3x3 } from "deeplight/core";
+import { ASSUMED_LONG_SIDE_FOV_RAD, IDENTITY, type Light, type Matrix3x3 } from "deeplight/core";
 import { Group, PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import type { Picture } from "../camera/picture.ts";
 import { Failure } from "../failure.ts";
@@ -17,7 +17,7 @@ const LONGEST_SNAPSHOT = 4096;
 const PATIENCE_MS = 3000;
 
 interface LightInWorld {
-  readonly lighting: Lighting;
+  readonly light: Light;
   readonly worldFromCamera: Matrix3x3;
 }
 
@@ -98,17 +98,17 @@ export class Stage {
   }
 
   /** New light, in the frame of a camera held like `worldFromCamera`. */
-  setLight(lighting: Lighting, worldFromCamera: Matrix3x3): void {
-    this.light = { lighting, worldFromCamera };
+  setLight(light: Light, worldFromCamera: Matrix3x3): void {
+    this.light = { light, worldFromCamera };
     this.relight();
   }
 
   /** To be called when the object was turned, moved or changed its material. */
   relight(): void {
     if (this.light && this.exhibit) {
-      const { lighting, worldFromCamera } = this.light;
+      const { light, worldFromCamera } = this.light;
       const objectFromWorld = rotation("y", -this.anchor.rotation.y);
-      this.exhibit.setLight(lighting, worldFromCamera, objectFromWorld);
+      this.exhibit.setLight(light, worldFromCamera, objectFromWorld);
     }
     this.invalidate();
   }

@@ -4,6 +4,7 @@
  */
 export * from "./contract/generated.ts";
 export { EstimateError, type EstimateErrorKind } from "./errors.ts";
+export type { Confidence } from "./estimate/confidence.ts";
 export { type Estimate, Estimator, type ModelFacts } from "./estimate/estimator.ts";
 export type { Frame } from "./estimate/picker.ts";
 export type { Tracked } from "./estimate/tracker.ts";
@@ -18,6 +19,7 @@ export { coverage, nearestLit, pixelOfDirection, subpixels } from "./light/mirro
 export { ballFromPanorama, rowSolidAngles, texelDirections } from "./light/panorama.ts";
 export { Smoother } from "./light/smoother.ts";
 export { type Basis, keepBasis, makeBasis, SPHERES, type SphereName } from "./light/spheres.ts";
+export { Light } from "./light.ts";
 export { verticalFovRad } from "./photo/exif.ts";
 export { drawStill } from "./photo/still.ts";
 export { frameOfVideo, onEachFrame } from "./photo/video.ts";

@@ -174,6 +174,27 @@ export const LIGHTING_FILE = {
   }
 } as const;
 
+export const CONFIDENCE = {
+  "DIRECTION_DEG": 18.0,
+  "BRIGHTNESS_STOPS": 0.17,
+  "FAINT_SHARE": 0.05,
+  "CROPS": [
+    [
+      0.9,
+      0.0
+    ],
+    [
+      0.9,
+      -0.08
+    ],
+    [
+      0.9,
+      0.08
+    ]
+  ],
+  "BLANK_LEVELS": 3.0
+} as const;
+
 export const SCENE_FILE = {
   "lamps": {
     "in_environment": true,
@@ -276,8 +297,8 @@ export const PHOTO_LIGHT = {
   "CATCH_RAD": 0.5235987755982988,
   "LARGEST_OWN_RAD": 0.2617993877991494,
   "BRIGHT": [
-    0.5,
-    1.0
+    0.95,
+    1.03
   ],
   "LOBE_END": 0.001,
   "MOST_LAMPS": 3,

@@ -1,14 +1,16 @@
 /** A frame in, its light out, computed in a worker: the view never waits for it. */
 
 import { EstimateError } from "../errors.ts";
+import type { Environment } from "../light/environment.ts";
 import { Lighting } from "../light/lighting.ts";
 import type { Contract } from "../network/contract.ts";
 import type { Dense } from "../network/onnx.ts";
 import type { SceneLight } from "../scene/scene-light.ts";
+import type { Confidence } from "./confidence.ts";
 import type { Progress } from "./download.ts";
 import type { Frame } from "./picker.ts";
 import type { Tracked } from "./tracker.ts";
-import type { Answer, Fault, Reply, Request, TrackRequest } from "./worker.ts";
+import type { Answer, Fault, FusedRequest, Reply, Request, TrackRequest } from "./worker.ts";
 
 export interface Estimate {
   readonly lighting: Lighting;
@@ -16,6 +18,8 @@ export interface Estimate {
   readonly others: ReadonlyMap<string, Dense>;
   /** The photo in its light, where that was asked for. */
   readonly scene: SceneLight | null;
+  /** How far the answers to the same photo differ; with `scene`. */
+  readonly confidence: Confidence | null;
   readonly preprocessMs: number;
   readonly runMs: number;
 }
@@ -37,11 +41,17 @@ export interface ModelFacts {
 }
 
 /** What the worker says of one frame. */
-type Answered = Extract<Reply, { runMs: number } | { tracked: unknown } | { failed: unknown }>;
+type Answered = Extract<
+  Reply,
+  { runMs: number } | { tracked: unknown } | { fused: unknown } | { failed: unknown }
+>;
+type Result = Answer | Tracked | Environment | null;
 
 interface Job {
-  readonly request: Extract<Request, { frame: unknown }>;
-  readonly done: (answer: Answer | Tracked | null) => void;
+  readonly request: Extract<Request, { frame: unknown } | { fused: unknown }>;
+  /** Called with the network's light alone, where more follows. */
+  readonly first?: ((answer: Answer) => void) | undefined;
+  readonly done: (answer: Result) => void;
   readonly failed: (error: EstimateError) => void;
 }
 
@@ -75,16 +85,17 @@ export class Estimator {
    * `loaded` fails.
    *
    * @param sceneRows also puts the photo into its light: a panorama of so many rows.
+   * @param first then gets the network's light alone as soon as it is there.
    */
   async estimate(
     frame: Frame,
     verticalFovRad?: number,
     sceneRows?: number,
+    first?: (estimate: Estimate) => void,
   ): Promise<Estimate | null> {
-    const answer = await this.#asked({ frame, verticalFovRad, sceneRows });
-    if (!answer || !("logRadiance" in answer)) return null;
-    const { logRadiance, ...others } = answer;
-    return { lighting: new Lighting(logRadiance), ...others };
+    const request = { frame, verticalFovRad, sceneRows };
+    const answer = await this.#asked(request, (one) => first?.(estimateOf(one)));
+    return answer && "logRadiance" in answer ? estimateOf(answer) : null;
   }
 
   /** Takes a frame, which is closed, into the light of the place; null as from `estimate`. */
@@ -97,15 +108,21 @@ export class Estimator {
     return answer && "isStill" in answer ? answer : null;
   }
 
+  /** The light of all tracked frames once more, in a camera's frame; null where there is none. */
+  async fused(fused: FusedRequest): Promise<Environment | null> {
+    const answer = await this.#asked({ fused });
+    return answer && "seen" in answer ? answer : null;
+  }
+
   /** Forgets what was tracked: the place has been left. */
   leavePlace(): void {
     if (!this.#closed) this.worker.postMessage({ leave: true } satisfies Request);
   }
 
-  #asked(request: Job["request"]): Promise<Answer | Tracked | null> {
+  #asked(request: Job["request"], first?: Job["first"]): Promise<Result> {
     return new Promise((done, failed) => {
       drop(this.#waiting);
-      this.#waiting = { request, done, failed };
+      this.#waiting = { request, first, done, failed };
       this.#next();
     });
   }
@@ -127,7 +144,7 @@ export class Estimator {
       return;
     }
     this.#running = job;
-    this.worker.postMessage(job.request, [job.request.frame]);
+    this.worker.postMessage(job.request, "frame" in job.request ? [job.request.frame] : []);
   }
 
   #load(model: URL | Uint8Array, onProgress: Progress): Promise<ModelFacts> {
@@ -139,6 +156,7 @@ export class Estimator {
           this.model = { file, ...data.loaded };
           done(this.model);
         } else if ("notLoaded" in data) failed(errorOf(data.notLoaded));
+        else if ("first" in data) this.#running?.first?.(data.first);
         else this.#answered(data);
       };
       this.worker.onerror = (event) => {
@@ -155,9 +173,14 @@ export class Estimator {
     const job = this.#running;
     this.#running = null;
     if ("failed" in reply) job?.failed(errorOf(reply.failed));
-    else job?.done("tracked" in reply ? reply.tracked : reply);
+    else if ("tracked" in reply) job?.done(reply.tracked);
+    else job?.done("fused" in reply ? reply.fused : reply);
     this.#next();
   }
+}
+
+function estimateOf({ logRadiance, ...others }: Answer): Estimate {
+  return { lighting: new Lighting(logRadiance), ...others };
 }
 
 function errorOf({ kind, detail }: Fault): EstimateError {
@@ -165,6 +188,6 @@ function errorOf({ kind, detail }: Fault): EstimateError {
 }
 
 function drop(job: Job | null): void {
-  job?.request.frame.close();
+  if (job && "frame" in job.request) job.request.frame.close();
   job?.done(null);
 }

@@ -6,11 +6,12 @@ import { type SmallPicture, smallSize } from "../fuse/view.ts";
 import { angleBetween, VisualRotation } from "../fuse/visual-rotation.ts";
 import { type Environment, seenShare } from "../light/environment.ts";
 import { IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
+import type { Contract } from "../network/contract.ts";
 import type { Network } from "../network/network.ts";
 import { CellMeans, wholePhoto } from "./cell-means.ts";
 import { framePhoto } from "./framing.ts";
 import { type Frame, type Picker, sizeOf } from "./picker.ts";
-import type { TrackRequest } from "./worker.ts";
+import type { FusedRequest, TrackRequest } from "./worker.ts";
 
 /** Turned by less, and with pixels that differ by less on average, a frame says nothing new. */
 const STILL_RAD = 0.004;
@@ -43,6 +44,8 @@ export class Tracker {
   #last: { picture: SmallPicture; pose: Matrix3x3 } | null = null;
   #logGain: Added["logGain"] = [0, 0, 0];
   #isVisual = false;
+  /** The light of what is known has been given. */
+  #isLit = false;
   #lost = 0;
 
   /** Takes in a frame, which is closed. */
@@ -51,48 +54,41 @@ export class Tracker {
     picker: Picker,
     frame: Frame,
     fov: number | undefined,
-    { worldFromCamera, start, rows }: TrackRequest,
+    request: TrackRequest,
   ): Promise<Tracked> {
     const network = await loading;
-    const { contract } = network;
     const started = performance.now();
-    const photo = sizeOf(frame);
-    const framing = framePhoto(photo.height, photo.width, fov, contract);
-    const { verticalFovRad } = framing;
-    const small = smallSize(photo.height, photo.width, verticalFovRad);
-    const [means, whole] = [new CellMeans(framing), new CellMeans(wholePhoto(photo, small))];
-    const isReversed = await picker.pick(frame, means, whole);
-    frame.close();
-    const pixels = Uint8Array.from(whole.rgb(isReversed), (value) => Math.round(255 * value));
-    const picture = { ...small, pixels, verticalFovRad };
-    const { pose, isNew: isElsewhere } = this.#held(picture, worldFromCamera, start);
+    const { picture, planes } = await taken(network.contract, picker, frame, fov);
+    const { pose, isNew } = this.#held(picture, request);
     const prepared = performance.now();
     const times = { preprocessMs: prepared - started, runMs: 0, fuseMs: 0 };
     if (!pose || this.#isStill(picture, pose)) {
-      const isStill = pose !== null;
-      return {
-        ...times,
-        ...this.#light(rows),
-        worldFromCamera: pose,
-        isStill,
-        isNew: false,
-        added: null,
-      };
+      const nothing = { isStill: pose !== null, isNew: false, added: null };
+      return { ...times, ...nothing, ...this.#light(request), worldFromCamera: pose };
     }
-    const { logRadiance } = network.estimate(
-      means.planes(contract.input_low, contract.input_high, isReversed),
-    );
+    const { logRadiance } = network.estimate(planes());
     if (!logRadiance.every((value) => value < 88.7)) {
       throw new EstimateError("no-light", "expected finite light, got NaN or infinity");
     }
     const done = performance.now();
-    const added = this.#session.add(picture, pose, logRadiance);
-    this.#last = { picture, pose };
-    this.#logGain = added.logGain;
-    const light = this.#light(rows);
-    const isNew = isElsewhere || added.forgotten;
-    const spent = { runMs: done - prepared, fuseMs: performance.now() - done };
-    return { ...times, ...spent, ...light, worldFromCamera: pose, isStill: false, isNew, added };
+    const added = this.#add(picture, pose, logRadiance);
+    const light = this.#light(request);
+    return {
+      ...light,
+      worldFromCamera: pose,
+      isStill: false,
+      isNew: isNew || added.forgotten,
+      added,
+      preprocessMs: prepared - started,
+      runMs: done - prepared,
+      fuseMs: performance.now() - done,
+    };
+  }
+
+  /** The light of all frames in a camera's frame, relative to the newest frame's white; null without any. */
+  fused({ worldFromCamera, rows }: FusedRequest): Environment | null {
+    if (this.#session.views.length === 0) return null;
+    return this.#session.environment(rows, worldFromCamera, this.#logGain);
   }
 
   /** Forgets everything: the place has been left. */
@@ -104,7 +100,7 @@ export class Tracker {
   }
 
   /** How the camera is held: as was said, else as the pictures show. */
-  #held(picture: SmallPicture, said: Matrix3x3 | null, start: Matrix3x3) {
+  #held(picture: SmallPicture, { worldFromCamera: said, start }: TrackRequest) {
     const isVisual = said === null;
     // The two have worlds of their own.
     const changed = this.#last !== null && isVisual !== this.#isVisual;
@@ -118,6 +114,14 @@ export class Tracker {
     return { pose: this.#visual.next(picture, start), isNew: true };
   }
 
+  #add(picture: SmallPicture, pose: Matrix3x3, logRadiance: Float32Array): Added {
+    const added = this.#session.add(picture, pose, logRadiance);
+    this.#last = { picture, pose };
+    this.#logGain = added.logGain;
+    this.#isLit = false;
+    return added;
+  }
+
   #isStill(picture: SmallPicture, pose: Matrix3x3): boolean {
     const { picture: before, pose: held } = this.#last ?? {};
     if (!before || !held || before.pixels.length !== picture.pixels.length) return false;
@@ -129,9 +133,25 @@ export class Tracker {
     return sum / picture.pixels.length < STILL_LEVELS;
   }
 
-  #light(rows: number): Pick<Tracked, "light" | "seenShare"> {
-    if (rows === 0 || this.#session.views.length === 0) return { light: null, seenShare: null };
+  #light({ rows, evenIfSame }: TrackRequest): Pick<Tracked, "light" | "seenShare"> {
+    const isNeeded = rows > 0 && this.#session.views.length > 0;
+    if (!isNeeded || (this.#isLit && !evenIfSame)) return { light: null, seenShare: null };
+    this.#isLit = true;
     const light = this.#session.environment(rows, IDENTITY, this.#logGain);
     return { light, seenShare: seenShare(light) };
   }
+}
+
+/** The network's input and the small picture that is kept, of a frame, which is closed. */
+async function taken(contract: Contract, picker: Picker, frame: Frame, fov: number | undefined) {
+  const photo = sizeOf(frame);
+  const framing = framePhoto(photo.height, photo.width, fov, contract);
+  const { verticalFovRad } = framing;
+  const small = smallSize(photo.height, photo.width, verticalFovRad);
+  const [means, whole] = [new CellMeans(framing), new CellMeans(wholePhoto(photo, small))];
+  const isReversed = await picker.pick(frame, means, whole);
+  frame.close();
+  const pixels = Uint8Array.from(whole.rgb(isReversed), (value) => Math.round(255 * value));
+  const planes = () => means.planes(contract.input_low, contract.input_high, isReversed);
+  return { picture: { ...small, pixels, verticalFovRad }, planes };
 }

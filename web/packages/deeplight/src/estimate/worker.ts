@@ -1,7 +1,9 @@
 /** Runs the network next to the page: one model, then one frame after the other. */
 
 import { EstimateError, type EstimateErrorKind } from "../errors.ts";
+import type { Environment } from "../light/environment.ts";
 import { type Lamp, lampsOf } from "../light/lamp.ts";
+import { Lighting } from "../light/lighting.ts";
 import type { Matrix3x3 } from "../light/matrix.ts";
 import type { Contract } from "../network/contract.ts";
 import { Network } from "../network/network.ts";
@@ -9,6 +11,14 @@ import type { Dense } from "../network/onnx.ts";
 import { planeOf, reducedSize } from "../scene/image-plane.ts";
 import { type SceneLight, sceneLight } from "../scene/scene-light.ts";
 import { CellMeans, wholePhoto } from "./cell-means.ts";
+import {
+  type Confidence,
+  CROPS,
+  confidenceOf,
+  cutFraming,
+  mirroredBall,
+  mirroredPlanes,
+} from "./confidence.ts";
 import { download } from "./download.ts";
 import { framePhoto } from "./framing.ts";
 import { type Frame, Picker, sizeOf } from "./picker.ts";
@@ -26,6 +36,8 @@ export type Request =
   | (WithFrame & { readonly sceneRows?: number | undefined })
   /** One of many frames of a place. */
   | (WithFrame & { readonly track: TrackRequest })
+  /** The light of all tracked frames once more, in a camera's frame. */
+  | { readonly fused: FusedRequest }
   /** What was tracked is forgotten. */
   | { readonly leave: true };
 
@@ -36,6 +48,13 @@ export interface TrackRequest {
   readonly start: Matrix3x3;
   /** Rows of the fused light; 0 leaves it out. */
   readonly rows: number;
+  /** Gives it even if it is the same as before. */
+  readonly evenIfSame?: boolean | undefined;
+}
+
+export interface FusedRequest {
+  readonly worldFromCamera: Matrix3x3;
+  readonly rows: number;
 }
 
 export interface Answer {
@@ -44,6 +63,8 @@ export interface Answer {
   readonly others: ReadonlyMap<string, Dense>;
   /** Where it was asked for. */
   readonly scene: SceneLight | null;
+  /** How far the answers to the same photo differ, where a scene was asked for. */
+  readonly confidence: Confidence | null;
   readonly preprocessMs: number;
   readonly runMs: number;
 }
@@ -52,6 +73,9 @@ export type Reply =
   | { readonly progress: readonly [done: number, all: number] }
   | { readonly loaded: { readonly contract: Contract; readonly sha256: string | null } }
   | Answer
+  /** The network's light alone; the rest follows. */
+  | { readonly first: Answer }
+  | { readonly fused: Environment | null }
   | { readonly tracked: Tracked }
   | { readonly failed: Fault }
   | { readonly notLoaded: Fault };
@@ -75,6 +99,8 @@ self.onmessage = ({ data }: MessageEvent<Request>) => {
     load(data.load).then(reply, (error: unknown) => reply({ notLoaded: faultOf(error) }));
   } else if ("leave" in data) {
     tracker.leave();
+  } else if ("fused" in data) {
+    reply({ fused: tracker.fused(data.fused) });
   } else {
     const answer =
       "track" in data
@@ -127,19 +153,29 @@ async function estimate(frame: Frame, fov?: number, sceneRows?: number): Promise
   const plane = planeOf(photo, framing.verticalFovRad);
   const small = sceneRows ? reducedSize(photo, plane, sceneRows) : null;
   const whole = small && new CellMeans(wholePhoto(photo, small));
-  const isReversed = await picker.pick(frame, ...(whole ? [means, whole] : [means]));
+  const cuts = whole ? CROPS.map((crop) => new CellMeans(cutFraming(framing, crop))) : [];
+  const isReversed = await picker.pick(frame, means, ...(whole ? [whole] : []), ...cuts);
   frame.close();
   const planes = means.planes(contract.input_low, contract.input_high, isReversed);
   const prepared = performance.now();
   const { logRadiance, others } = network.estimate(planes);
   const done = performance.now();
   requireFinite(logRadiance);
-  let scene: SceneLight | null = null;
-  if (whole && small && sceneRows) {
-    const placed = { ...small, pixels: whole.rgb(isReversed), plane };
-    scene = sceneLight(logRadiance.map(Math.exp), placed, sceneRows, lampsIn(others, contract));
-  }
-  return { logRadiance, others, scene, preprocessMs: prepared - started, runMs: done - prepared };
+  const times = { preprocessMs: prepared - started, runMs: done - prepared };
+  const answer: Answer = { logRadiance, others, scene: null, confidence: null, ...times };
+  if (!whole || !small || !sceneRows) return answer;
+  reply({ first: answer });
+  const placed = { ...small, pixels: whole.rgb(isReversed), plane };
+  const ball = new Lighting(logRadiance).radiance();
+  const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract));
+  const answers = [
+    mirroredBall(network.estimate(mirroredPlanes(planes, contract)).logRadiance),
+    ...cuts.map((cut) => {
+      const seen = cut.planes(contract.input_low, contract.input_high, isReversed);
+      return network.estimate(seen).logRadiance;
+    }),
+  ];
+  return { ...answer, scene, confidence: confidenceOf(logRadiance, answers, placed) };
 }
 
 /** Those that the network names. */

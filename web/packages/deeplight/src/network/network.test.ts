@@ -20,7 +20,7 @@ const photo = wave(shape).data;
 test("the compiled kernels are those of their source", async () => {
   const file = readFileSync(new URL("kernels.generated.ts", import.meta.url), "utf8");
   expect(file, "run npm run kernels --workspace deeplight").toBe(await generated());
-});
+}, 120_000);
 
 describe("the shipped network", () => {
   let network: Network;
