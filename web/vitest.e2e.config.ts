@@ -9,7 +9,7 @@ export default defineConfig({
   ssr: { resolve: { conditions }, noExternal: ["deeplight"] },
   test: {
     include: ["e2e/**/*.test.ts"],
-    testTimeout: 60_000,
+    testTimeout: 2 * Number(process.env.DEEPLIGHT_PATIENCE_MS ?? 30_000),
     hookTimeout: 120_000,
     fileParallelism: false,
     expect: { poll: { timeout: 20_000 } },

@@ -14,6 +14,9 @@ const FLAGS = [
   "--enable-unsafe-swiftshader",
 ];
 
+/** A busy machine needs more. */
+const PATIENCE_MS = Number(process.env.DEEPLIGHT_PATIENCE_MS ?? 30_000);
+
 export const PHONE = { width: 390, height: 844 };
 export const PHONE_LYING = { width: 844, height: 390 };
 export const DESKTOP = { width: 1280, height: 800 };
@@ -59,6 +62,7 @@ export async function visit(browser: Browser, url: string, how: How = {}): Promi
     serviceWorkers: how.keeps ? "allow" : "block",
   });
   const page = await context.newPage();
+  page.setDefaultTimeout(PATIENCE_MS);
   const errors: string[] = [];
   const foreign: string[] = [];
   page.on("pageerror", (error) => errors.push(String(error)));

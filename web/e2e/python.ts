@@ -9,6 +9,9 @@ import { promisify } from "node:util";
 const ROOT = fileURLToPath(new URL("../../", import.meta.url));
 export const PROGRAM = process.env.DEEPLIGHT ?? path.join(ROOT, ".venv/bin/deeplight");
 
+/** The interpreter that runs it. */
+export const PYTHON = path.join(path.dirname(PROGRAM), "python");
+
 export interface Site {
   readonly url: string;
   stop(): Promise<void>;
@@ -37,11 +40,15 @@ export function serve(): Promise<Site> {
   });
 }
 
-/** Log radiance of the 32 x 32 ball, as `deeplight estimate --light-only` writes it for a photo. */
-export async function estimated(photo: string): Promise<Float32Array> {
+/** What `deeplight estimate` writes for a photo: the lighting file, and the panorama as .hdr. */
+export async function estimated(
+  photo: string,
+  ...options: string[]
+): Promise<{ json: string; hdr: Buffer }> {
   const out = await mkdtemp(path.join(tmpdir(), "deeplight-"));
-  await promisify(execFile)(PROGRAM, ["estimate", photo, "--light-only", "--out", out]);
-  return ballOf(await readFile(path.join(out, `${path.parse(photo).name}.json`), "utf8"));
+  await promisify(execFile)(PROGRAM, ["estimate", photo, "--hdr", ...options, "--out", out]);
+  const stem = path.join(out, path.parse(photo).name);
+  return { json: await readFile(`${stem}.json`, "utf8"), hdr: await readFile(`${stem}.hdr`) };
 }
 
 /** Log radiance from a lighting file, ours or the page's. */

@@ -24,7 +24,8 @@ let python: Float32Array;
 
 beforeAll(async () => {
   folder = await bareProject();
-  [browser, python] = await Promise.all([launch(), estimated(PHOTO)]);
+  browser = await launch();
+  python = ballOf((await estimated(PHOTO, "--light-only")).json);
   await ran(folder, "npx", "vite", "build", "--logLevel", "error");
   built = await host(path.join(folder, "dist"));
 });

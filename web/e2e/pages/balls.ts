@@ -10,8 +10,8 @@ import {
   WebGLRenderTarget,
 } from "three";
 import { Lighting } from "../../packages/deeplight/src/light/lighting.ts";
-import { Light } from "../../packages/deeplight/src/light.ts";
 import type { Matrix3x3 } from "../../packages/deeplight/src/light/matrix.ts";
+import { Light } from "../../packages/deeplight/src/light.ts";
 import { worldFromCamera } from "../../src/sensors/pose.ts";
 import { BallLight } from "../../src/view/ball-light.ts";
 import { standardMaterial } from "../../src/view/material.ts";

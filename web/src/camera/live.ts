@@ -4,6 +4,14 @@ import { Failure, type FailureKind } from "../failure.ts";
 import type { Facing } from "../sensors/orientation.ts";
 import type { Picture } from "./picture.ts";
 
+/** How long a camera may take to change its size. */
+const RESIZE_MS = 1500;
+
+interface Size {
+  readonly width: number;
+  readonly height: number;
+}
+
 const FAILURES: Record<string, FailureKind> = {
   NotAllowedError: "denied",
   SecurityError: "denied",
@@ -65,6 +73,22 @@ export class LiveCamera implements Picture {
     return frameOfVideo(this.source);
   }
 
+  /** Films as finely as the camera can, of the same shape, as long as `act` takes. */
+  async atFullSize<T>(act: () => Promise<T>): Promise<T> {
+    const [track] = this.stream.getVideoTracks();
+    const { width, height } = this;
+    const most = track && finestSize(track.getCapabilities?.(), { width, height });
+    if (!track || !most) return act();
+    try {
+      const resized = soon(once(this.source, "resize"), RESIZE_MS);
+      await track.applyConstraints({ width: most.width, height: most.height }).catch(() => {});
+      await resized;
+      return await act();
+    } finally {
+      await track.applyConstraints(wishes(this.facing).video).catch(() => {});
+    }
+  }
+
   close(): void {
     this.onLost = () => {};
     for (const track of this.stream.getTracks()) track.stop();
@@ -79,7 +103,7 @@ export async function hasSeveralCameras(): Promise<boolean> {
 }
 
 /** No size that the browser would crop for: that would change the field of view. */
-function wishes(facing: Facing): MediaStreamConstraints {
+function wishes(facing: Facing) {
   const video = {
     facingMode: { ideal: facing },
     width: { ideal: 1280 },
@@ -87,6 +111,20 @@ function wishes(facing: Facing): MediaStreamConstraints {
     resizeMode: "none", // missing from the types
   };
   return { audio: false, video };
+}
+
+/** The largest size of the same shape that a camera offers; null where it is used already. */
+export function finestSize(
+  capabilities: MediaTrackCapabilities | undefined,
+  { width, height }: Size,
+): Size | null {
+  const [widest, highest] = [capabilities?.width?.max ?? 0, capabilities?.height?.max ?? 0];
+  // A phone held upright turns its frames: the camera counts its own long side as the width.
+  const isTurned = height > width !== highest > widest;
+  const [across, down] = isTurned ? [height, width] : [width, height];
+  const scale = Math.min(widest / across, highest / down);
+  if (!(scale > 1.05)) return null;
+  return { width: Math.round(across * scale), height: Math.round(down * scale) };
 }
 
 /** Which way the camera looks that was really given; desktops do not say. */
@@ -98,6 +136,11 @@ function actualFacing(stream: MediaStream): Facing | undefined {
 function explain(error: unknown): never {
   const name = error instanceof DOMException ? error.name : "";
   throw new Failure(FAILURES[name] ?? "unexpected", String(error));
+}
+
+/** Waits for something, but not longer. */
+function soon(what: Promise<void>, patienceMs: number): Promise<void> {
+  return Promise.race([what, new Promise<void>((done) => setTimeout(done, patienceMs))]);
 }
 
 function once(target: EventTarget, event: string): Promise<void> {

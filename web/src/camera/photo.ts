@@ -57,6 +57,10 @@ export class Photo implements Picture {
     return new VideoFrame(this.source, { timestamp: 0, alpha: "discard" });
   }
 
+  atFullSize<T>(act: () => Promise<T>): Promise<T> {
+    return act();
+  }
+
   close(): void {
     this.source.width = this.source.height = 0; // gives the memory back at once
   }

@@ -14,6 +14,8 @@ export interface Picture {
   readonly verticalFovRad: number | undefined;
   /** The pixels of now, at full size. */
   grab(): Promise<Frame>;
+  /** Does something while the picture is as large as it can be. */
+  atFullSize<T>(act: () => Promise<T>): Promise<T>;
   /** Lets go of the camera or the memory. */
   close(): void;
 }

@@ -28,7 +28,7 @@ import type { Notice } from "./notice.ts";
 import { type Event, facingOf, next, pictureOf, START, type State } from "./state.ts";
 import { type Looked, type Seen, Watch } from "./watch.ts";
 
-/** As `deeplight compose` assumes where nothing tells the tilt. */
+/** As `deeplight compose` assumes where nothing says the tilt. */
 export const ASSUMED_TILT_RAD = (-15 * Math.PI) / 180;
 /** Rows of a saved light of many frames. */
 const SAVED_ROWS = 512;
@@ -44,7 +44,7 @@ export class App {
   onLight: () => void = () => {};
   readonly firstLight: Promise<void>;
   private wasLit: () => void = () => {};
-  /** How the camera is held where no sensor tells. */
+  /** How the camera is held where no sensor says it. */
   tiltRad = ASSUMED_TILT_RAD;
   state: State = START;
   /** The newest light. */
@@ -218,6 +218,7 @@ export class App {
     this.watch?.stop();
     before.close();
     this.seen = null;
+    delete box("viewer").dataset.light;
     this.panel.clear();
     this.stage.clear();
   }
@@ -278,12 +279,14 @@ export class App {
     const isFirst = this.seen === null;
     this.seen = seen;
     this.stage.setLight(seen.light, seen.frame === "world" ? IDENTITY : this.pose());
-    this.panel.show(this.lightAhead(seen));
+    const worldFromCamera = seen.frame === "world" ? this.pose() : null;
+    this.panel.show({ light: seen.light, worldFromCamera });
     const isLive = seen.frame === "world";
     if (isFirst || (!isLive && !seen.isFirst)) {
       announce(`Light estimated. ${inWords(this.lightAhead(seen).mainLight())}`);
     }
     if (isFirst || !isLive) this.onChange();
+    box("viewer").dataset.light = seen.isFirst ? "first" : "whole";
     this.onLight();
     this.wasLit();
   }
@@ -313,7 +316,7 @@ export class App {
     return worldFromCamera(0, this.tiltRad);
   }
 
-  /** As the file tells or the slider was set; undefined leaves the usual to be assumed. */
+  /** As the file says or the slider was set; undefined leaves the usual to be assumed. */
   private fovOf(picture: Picture): number | undefined {
     const { longSideFovRad } = this.stage;
     if (picture.verticalFovRad || longSideFovRad === ASSUMED_LONG_SIDE_FOV_RAD) {

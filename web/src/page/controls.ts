@@ -73,8 +73,12 @@ export class Chips {
   }
 }
 
-/** Trays above the tools: at most one is open. */
-export function connectTrays(): void {
+/**
+ * Trays above the tools: at most one is open.
+ *
+ * @param changed gets the tray that is open now, or null.
+ */
+export function connectTrays(changed: (open: HTMLElement | null) => void): void {
   const tools = [...document.querySelectorAll<HTMLButtonElement>("[data-tray]")];
   const open = (name: string | null): void => {
     for (const tool of tools) {
@@ -82,7 +86,9 @@ export function connectTrays(): void {
       tool.setAttribute("aria-expanded", String(is));
       box(`tray-${tool.dataset.tray}`).hidden = !is;
     }
+    changed(name ? box(`tray-${name}`) : null);
   };
+  const opened = () => tools.find((tool) => tool.getAttribute("aria-expanded") === "true");
   for (const tool of tools) {
     tool.addEventListener("click", () => {
       open(tool.getAttribute("aria-expanded") === "true" ? null : (tool.dataset.tray ?? null));
@@ -90,11 +96,20 @@ export function connectTrays(): void {
   }
   box("viewer").addEventListener("keydown", (event) => {
     if (event.key !== "Escape") return;
-    const opened = tools.find((tool) => tool.getAttribute("aria-expanded") === "true");
+    const tool = opened();
     open(null);
-    opened?.focus();
+    tool?.focus();
   });
-  box("view").addEventListener("pointerdown", () => open(null));
+  // A tap outside of an open tray closes it, and does nothing else.
+  box("viewer").addEventListener(
+    "pointerdown",
+    (event) => {
+      if (event.target !== box("view") || !opened()) return;
+      event.stopPropagation();
+      open(null);
+    },
+    true,
+  );
 }
 
 /** A button that is on or off. */

@@ -70,7 +70,7 @@ export class Desk {
 
   private connect(): void {
     const { app } = this;
-    connectTrays();
+    connectTrays((tray) => this.lift(tray));
     const on = (id: string, act: () => void): void => button(id).addEventListener("click", act);
     on("close", () => app.leave());
     on("freeze", () => void app.freeze());
@@ -79,7 +79,7 @@ export class Desk {
     on("own-object", () => input("model-file").click());
     on("motion", () => void this.followMotion());
     on("meter", () => this.toggleLight());
-    on("save-picture", () => void this.save(() => pictureFile(app.stage.snapshot(), stem())));
+    on("save-picture", () => void this.save(() => this.picture()));
     on("save-hdr", () => void this.saveLight("hdr"));
     on("save-json", () => void this.saveLight("json"));
     on("save-panorama", () => void this.savePanorama());
@@ -168,6 +168,13 @@ export class Desk {
     this.app.showLightPanel(is);
   }
 
+  /** A tray along the lower edge must not hide the object. */
+  private lift(tray: HTMLElement | null): void {
+    const at = tray?.getBoundingClientRect();
+    const isBelow = at !== undefined && at.width > innerWidth / 2;
+    this.app.stage.liftAbove(isBelow ? at.top : null);
+  }
+
   /** How sure the estimate is, where it is not. */
   private showSure(): void {
     const confidence = this.app.seen?.confidence;
@@ -196,6 +203,13 @@ export class Desk {
       const blob = kind === "hdr" ? light.hdr() : light.json();
       return new File([blob], `${stem()}.${kind}`, { type: blob.type });
     });
+  }
+
+  /** The picture with the object in it, as large as the camera can. */
+  private picture(): Promise<File> {
+    const { state, stage } = this.app;
+    if (state.shows !== "live") return pictureFile(stage.snapshot(), stem());
+    return state.picture.atFullSize(() => pictureFile(stage.snapshot(), stem()));
   }
 
   private savePanorama(): Promise<void> {
@@ -228,7 +242,7 @@ export class Desk {
 
 /** Asks for the sensors where that is needed, in the same tap as for the camera. */
 export async function followMotion({ sensor }: App): Promise<void> {
-  await sensor.ask().catch(() => {}); // without them the pictures tell how the phone turns
+  await sensor.ask().catch(() => {}); // without them the pictures say how the phone turns
 }
 
 function inMetres(value: number): string {

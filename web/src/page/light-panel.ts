@@ -1,5 +1,11 @@
 /** The three spheres and the environment in the estimated light, as the camera would show them. */
-import { type Lighting, pixelFromRadiance, type SphereName } from "deeplight/core";
+import {
+  type Light,
+  type Matrix3x3,
+  pixelFromRadiance,
+  type SphereName,
+  transposed,
+} from "deeplight/core";
 import { box, canvas } from "./elements.ts";
 import { prepareSpheres } from "./prepare-spheres.ts";
 
@@ -8,20 +14,26 @@ const BALLS: readonly (readonly [SphereName, string])[] = [
   ["matte_silver", "ball-silver"],
   ["diffuse", "ball-diffuse"],
 ];
-const PANORAMA_HEIGHT = 32;
+const PANORAMA_HEIGHT = 64;
 /** A drawing takes some milliseconds of the view's time, so a live one is not drawn for every frame. */
 const REST_MS = 120;
+
+/** A light and, where it is in the world's frame, how the camera is held in it. */
+interface Shown {
+  readonly light: Light;
+  readonly worldFromCamera: Matrix3x3 | null;
+}
 
 export class LightPanel {
   /** Started only once there is light to show: it would hold up the first estimate. */
   private ready: Promise<void> | null = null;
-  private latest: Lighting | null = null;
-  private drawn: Lighting | null = null;
+  private latest: Shown | null = null;
+  private drawn: Shown | null = null;
   private drawing = false;
 
   /** Shows the newest light as soon as there is time. */
-  show(lighting: Lighting): void {
-    this.latest = lighting;
+  show(shown: Shown): void {
+    this.latest = shown;
     if (!this.drawing && !box("light").hidden) void this.draw();
   }
 
@@ -39,21 +51,25 @@ export class LightPanel {
     this.ready ??= prepareSpheres();
     await this.ready;
     while (this.latest && this.latest !== this.drawn) {
-      const lighting = this.latest;
-      this.drawn = lighting;
+      const { light, worldFromCamera } = this.latest;
+      this.drawn = this.latest;
+      const { lighting: own } = light;
+      const lighting = worldFromCamera ? own.turned(transposed(worldFromCamera)) : own;
       for (const [sphere, id] of BALLS) {
         paint(id, lighting.sphere(sphere));
         await rest(REST_MS / 4);
       }
-      paint("panorama", panorama(lighting));
+      paint("panorama", panorama(light, worldFromCamera));
       await rest(REST_MS / 4);
     }
     this.drawing = false;
   }
 }
 
-function panorama(lighting: Lighting): ImageData {
-  const radiance = lighting.equirect(PANORAMA_HEIGHT);
+function panorama(light: Light, worldFromCamera: Matrix3x3 | null): ImageData {
+  const m = worldFromCamera;
+  const heading = m ? Math.atan2(-m[2], m[8]) : 0;
+  const radiance = light.environment(PANORAMA_HEIGHT, 0.5 - heading / (2 * Math.PI));
   const picture = new ImageData(2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT);
   for (let i = 0; i < 2 * PANORAMA_HEIGHT ** 2; i++) {
     for (let c = 0; c < 3; c++) {

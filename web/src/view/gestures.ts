@@ -3,6 +3,8 @@
 export interface Movable {
   /** Stand where the floor is seen at (x, y), shares of the view's width and height. */
   standAt(x: number, y: number): void;
+  /** Shows where it would stand; null hides that. */
+  aim(place: readonly [number, number] | null): void;
   /** Where it stands now, in the same shares. */
   place(): readonly [number, number];
   /** Anticlockwise from above. */
@@ -12,6 +14,9 @@ export interface Movable {
   reset(): void;
 }
 
+/** A finger that moves less and is gone sooner has tapped. */
+const TAP_PX = 8;
+const TAP_MS = 350;
 const KEY_STEP = 0.02;
 const KEY_TURN_RAD = Math.PI / 24;
 const KEY_SCALE = 1.06;
@@ -25,6 +30,8 @@ export class Gestures {
   private readonly pointers = new Map<number, Point>();
   /** From the finger to the object's foot, so that it does not jump when it is taken. */
   private grip: Point = { x: 0, y: 0 };
+  /** Where and when a single finger came down; null once it can be no tap any more. */
+  private tap: { readonly x: number; readonly y: number; readonly ms: number } | null = null;
 
   constructor(
     private readonly view: HTMLElement,
@@ -33,6 +40,7 @@ export class Gestures {
     view.addEventListener("pointerdown", this.down);
     view.addEventListener("pointermove", this.move);
     for (const end of ["pointerup", "pointercancel"] as const) view.addEventListener(end, this.up);
+    view.addEventListener("pointerleave", () => this.movable.aim(null));
     view.addEventListener("wheel", this.wheel, { passive: false });
     view.addEventListener("keydown", this.key);
   }
@@ -41,21 +49,47 @@ export class Gestures {
     if (event.button !== 0) return;
     this.view.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, this.at(event));
+    const isFirst = this.pointers.size === 1;
+    this.tap = isFirst ? { x: event.clientX, y: event.clientY, ms: event.timeStamp } : null;
     this.takeHold();
   };
 
   private readonly move = (event: PointerEvent): void => {
     const before = this.pointers.get(event.pointerId);
-    if (!before) return;
+    if (!before) {
+      this.hover(event);
+      return;
+    }
+    if (this.tap && Math.hypot(event.clientX - this.tap.x, event.clientY - this.tap.y) < TAP_PX)
+      return;
+    this.tap = null;
     const now = this.at(event);
     const other = this.others(event.pointerId)[0];
     this.pointers.set(event.pointerId, now);
     if (other) this.pinch(other, before, now);
-    else this.movable.standAt(now.x + this.grip.x, now.y + this.grip.y);
+    else {
+      const to = [now.x + this.grip.x, now.y + this.grip.y] as const;
+      this.movable.standAt(...to);
+      this.movable.aim(to);
+    }
   };
 
+  /** A mouse shows where a click would place it. */
+  private hover(event: PointerEvent): void {
+    if (event.pointerType !== "mouse") return;
+    const { x, y } = this.at(event);
+    this.movable.aim([x, y]);
+  }
+
   private readonly up = (event: PointerEvent): void => {
+    const { tap } = this;
     this.pointers.delete(event.pointerId);
+    this.tap = null;
+    this.movable.aim(null);
+    if (tap && event.type === "pointerup" && event.timeStamp - tap.ms < TAP_MS) {
+      const { x, y } = this.at(event);
+      this.movable.standAt(x, y);
+    }
     this.takeHold(); // of the finger that is left
   };
 

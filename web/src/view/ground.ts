@@ -32,6 +32,12 @@ export function groundPoint(view: Viewpoint, x: number, y: number): Vector3 {
   return [(right / flat) * distance, 0, (back / flat) * distance];
 }
 
+/** Whether the plane is seen at a place of the view, and not so far away that it is the horizon. */
+export function showsGround(view: Viewpoint, x: number, y: number): boolean {
+  const [right, up, back] = ray(view, x, y);
+  return up < 0 && Math.hypot(right, back) < -up * FARTHEST_HEIGHTS;
+}
+
 /** Size of an object at `point` that spans `share` of the view's shorter side. */
 export function sizeSpanning(view: Viewpoint, point: Vector3, share: number): number {
   const distance = Math.hypot(point[0], view.heightM, point[2]);

@@ -43,6 +43,10 @@ export class Hand implements Movable {
     this.changed();
   }
 
+  aim(place: readonly [number, number] | null): void {
+    this.stage.aimAt(place);
+  }
+
   place(): readonly [number, number] {
     return this.stage.place();
   }

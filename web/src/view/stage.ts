@@ -8,13 +8,16 @@ import { rotation } from "../sensors/pose.ts";
 import { Backdrop } from "./backdrop.ts";
 import type { Exhibit } from "./exhibit.ts";
 import { type Fit, fitOn, focalLength, type Size, verticalFov } from "./fit.ts";
-import { groundPoint, type Viewpoint } from "./ground.ts";
+import { groundPoint, showsGround, type Viewpoint } from "./ground.ts";
 import { useCameraResponse } from "./response.ts";
+import { makeReticle } from "./reticle.ts";
 
 /** Sharper than this no eye sees, and old phones would slow down. */
 const MOST_PIXEL_RATIO = 2;
 const LONGEST_SNAPSHOT = 4096;
 const PATIENCE_MS = 3000;
+/** Between the object's foot and what lies below it on the screen. */
+const FOOT_MARGIN_PX = 16;
 
 interface LightInWorld {
   readonly light: Light;
@@ -32,6 +35,7 @@ export class Stage {
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera(60, 1, 0.01, 100);
   private readonly backdrop = new Backdrop();
+  private readonly reticle = makeReticle();
   private worldFromCamera: Matrix3x3 = IDENTITY;
   private picture: Picture | null = null;
   private exhibit: Exhibit | null = null;
@@ -40,7 +44,7 @@ export class Stage {
 
   constructor(readonly canvas: HTMLCanvasElement) {
     this.camera.rotation.order = "YXZ";
-    this.scene.add(this.backdrop.mesh, this.anchor);
+    this.scene.add(this.backdrop.mesh, this.anchor, this.reticle);
     canvas.addEventListener("webglcontextlost", () => {
       setTimeout(() => this.renderer.getContext().isContextLost() && this.onLost(), PATIENCE_MS);
     });
@@ -132,6 +136,25 @@ export class Stage {
     this.invalidate();
   }
 
+  /** A ring on the floor where the object would stand; nothing where there is no floor. */
+  aimAt(place: readonly [number, number] | null): void {
+    const is = place !== null && this.light !== null && showsGround(this.viewpoint, ...place);
+    if (is) {
+      this.reticle.position.set(...groundPoint(this.viewpoint, ...place));
+      this.reticle.scale.setScalar(this.anchor.scale.x);
+    }
+    if (is || this.reticle.visible) this.invalidate();
+    this.reticle.visible = is;
+  }
+
+  /** Moves the view up until the object's foot is seen above a line of the screen; null moves it back. */
+  liftAbove(line: number | null): void {
+    const { style, offsetTop, offsetHeight } = this.canvas;
+    const foot = offsetTop + this.place()[1] * offsetHeight + FOOT_MARGIN_PX;
+    const lift = line === null || !this.picture ? 0 : Math.min(foot - line, offsetHeight / 3);
+    style.transform = lift > 0 ? `translateY(${-Math.round(lift)}px)` : "";
+  }
+
   /** Draws in the next frame, once, however often it is called. */
   invalidate(): void {
     if (this.scheduled) return;
@@ -154,6 +177,7 @@ export class Stage {
     this.renderer.setPixelRatio(1);
     this.renderer.setSize(copy.width, copy.height, false);
     this.aim(fitOn(copy, picture, this.focalPx(picture)));
+    this.reticle.visible = false;
     this.draw();
     copy.getContext("2d")?.drawImage(this.canvas, 0, 0);
     this.layOut();

@@ -42,9 +42,9 @@ export type Request =
   | { readonly leave: true };
 
 export interface TrackRequest {
-  /** How the camera was held; null where only the pictures tell. */
+  /** How the camera was held; null where only the pictures say it. */
   readonly worldFromCamera: Matrix3x3 | null;
-  /** For the first one where only the pictures tell. */
+  /** For the first one where only the pictures say it. */
   readonly start: Matrix3x3;
   /** Rows of the fused light; 0 leaves it out. */
   readonly rows: number;
