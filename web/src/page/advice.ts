@@ -46,8 +46,7 @@ const ADVICE: Record<FailureKind, Advice> = {
   },
   "no-motion": {
     title: "No motion sensors",
-    sentence:
-      "This device does not say how it is held. You can set the tilt by hand under Camera.",
+    sentence: "This device does not say how it is held. You can set the tilt by hand under Camera.",
     remedies: ["close"],
   },
   "model-missing": {
