@@ -1,7 +1,7 @@
 """What Python's session makes of frames that a page recorded: python fused.py FOLDER.
 
-FOLDER holds `frames.json` (file, rotation, and rows of the light wanted) and the frames; `light.f32`
-is written there: radiance, then what was seen, in the world's frame.
+FOLDER holds `frames.json` (file, rotation, and rows of the light wanted) and the frames.
+`light.f32` is written there: radiance, then what was seen, in the world's frame.
 """
 
 import json
