@@ -1,11 +1,13 @@
 /** What axe finds wrong with the page for people who cannot see, hear or point: nothing, in no state. */
-import { readFile } from "node:fs/promises";
+import { mkdtemp, readFile } from "node:fs/promises";
 import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import path from "node:path";
 import { fileURLToPath } from "node:url";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { launch, untilLit, visit } from "./browser.ts";
-import { PHOTOS } from "./clip.ts";
+import { makeClip, PHOTOS } from "./clip.ts";
 import { type Site, serve } from "./python.ts";
 
 const AXE = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
@@ -15,7 +17,11 @@ let browser: Browser;
 let axe: string;
 
 beforeAll(async () => {
-  [site, browser, axe] = await Promise.all([serve(), launch(), readFile(AXE, "utf8")]);
+  const clip = path.join(await mkdtemp(path.join(tmpdir(), "deeplight-axe-")), "clip.mjpeg");
+  const maker = await launch();
+  await makeClip(maker, clip);
+  await maker.close();
+  [site, browser, axe] = await Promise.all([serve(), launch(clip), readFile(AXE, "utf8")]);
 });
 afterAll(async () => {
   await browser?.close();
@@ -58,6 +64,42 @@ test("axe finds nothing on the start screen, with a photo, in any tray, in a not
   });
   await page.waitForSelector("#notice[open]");
   expect(await findings(page), "notice").toEqual([]);
+  await leave();
+});
+
+test("axe finds nothing while the camera films, and in a frozen frame", async () => {
+  const { page, leave } = await visit(browser, site.url, { reducedMotion: true });
+  await page.click("#open-camera");
+  await untilLit(page);
+  await page.waitForSelector("#around:visible");
+  expect(await findings(page), "live").toEqual([]);
+  await page.click("#freeze");
+  await page.waitForSelector('#freeze[aria-pressed="true"]');
+  expect(await findings(page), "frozen").toEqual([]);
+  await leave();
+});
+
+test.each([
+  ["a phone's", { width: 195, height: 422 }],
+  ["a desktop's", { width: 640, height: 400 }],
+])("at 200 %% zoom all of %s tools are in reach, also in forced colours", async (_, viewport) => {
+  const { page, leave } = await visit(browser, site.url, { viewport, forcedColours: true });
+  await page.setInputFiles("#photo-file", PHOTO);
+  await untilLit(page);
+  for (const tray of ["object", "material", "camera", "save"]) {
+    await page.click(`[data-tray="${tray}"]`);
+    const { x, y, width, height } = (await page.locator(`#tray-${tray}`).boundingBox())!;
+    expect(Math.min(x, y), tray).toBeGreaterThanOrEqual(0);
+    expect(x + width, tray).toBeLessThanOrEqual(viewport.width);
+    expect(y + height, tray).toBeLessThanOrEqual(viewport.height);
+  }
+  for (const tool of await page.locator("nav button:visible, header button:visible").all()) {
+    const { x, y, width, height } = (await tool.boundingBox())!;
+    expect(Math.min(x, y)).toBeGreaterThanOrEqual(0);
+    expect(x + width).toBeLessThanOrEqual(viewport.width);
+    expect(y + height).toBeLessThanOrEqual(viewport.height);
+  }
+  expect(await findings(page)).toEqual([]);
   await leave();
 });
 

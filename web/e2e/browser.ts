@@ -44,6 +44,8 @@ export interface How {
   readonly viewport?: { width: number; height: number };
   readonly touch?: boolean;
   readonly reducedMotion?: boolean;
+  /** The user's own few colours instead of the page's. */
+  readonly forcedColours?: boolean;
   /** Lets the page keep itself for offline use; else every file comes from the server. */
   readonly keeps?: boolean;
   /** Never gets the model: quicker, where no light is needed. */
@@ -58,6 +60,7 @@ export async function visit(browser: Browser, url: string, how: How = {}): Promi
     hasTouch: how.touch ?? false,
     isMobile: how.touch ?? false,
     reducedMotion: how.reducedMotion ? "reduce" : "no-preference",
+    forcedColors: how.forcedColours ? "active" : "none",
     acceptDownloads: true,
     serviceWorkers: how.keeps ? "allow" : "block",
   });

@@ -1,5 +1,5 @@
 /** The live camera in the built page, played by a clip. */
-import { mkdtemp } from "node:fs/promises";
+import { mkdtemp, readFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import path from "node:path";
 import type { Browser, Page } from "playwright-core";
@@ -141,6 +141,28 @@ test("follows the phone's motion: what stands on the floor leaves the view when 
   await hold(90, 60);
   await page.waitForTimeout(400);
   expect((await page.locator("#view").screenshot()).equals(ahead)).toBe(false);
+  await leave();
+});
+
+test("a video of the object in the picture is filmed and saved", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await openCamera(page);
+  await page.click('[data-tray="save"]');
+  await page.click("#record");
+  await page.waitForTimeout(3000);
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click("#record")]);
+  expect(download.suggestedFilename()).toMatch(/\.(mp4|webm)$/);
+  const film = await readFile(await download.path());
+  expect(film.length).toBeGreaterThan(5000);
+  const seconds = await page.evaluate(async (text) => {
+    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+    const video = document.createElement("video");
+    video.muted = true;
+    video.src = URL.createObjectURL(new Blob([bytes]));
+    await video.play();
+    return [video.videoWidth, video.videoHeight];
+  }, film.toString("base64"));
+  expect(Math.min(...seconds)).toBeGreaterThan(300);
   await leave();
 });
 

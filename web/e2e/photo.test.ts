@@ -123,6 +123,24 @@ describe("with one photo", () => {
     expect(moved.at(0.5, 0.62)).not.toEqual(still.at(0.5, 0.62));
   });
 
+  test("a tap places the object where the floor is, and not in the sky", async () => {
+    await page.locator("#view").press("Home");
+    await page.click('[data-tray="save"]'); // closes it
+    const photo = await pixels(page, await readFile(CANTEEN));
+    const box = (await page.locator("#view").boundingBox())!;
+    const tap = (x: number, y: number) =>
+      page.mouse.click(box.x + x * box.width, box.y + y * box.height);
+    const changed = async () => {
+      const picture = await pixels(page, await saved(page, "#save-picture"));
+      await page.click('[data-tray="save"]');
+      return Math.abs(picture.at(0.3, 0.72)[0]! - photo.at(0.3, 0.72)[0]!);
+    };
+    expect(await changed()).toBeLessThan(10);
+    await tap(0.3, 0.78); // its foot
+    expect(await changed()).toBeGreaterThan(10);
+    await page.locator("#view").press("Home");
+  });
+
   test("every material is another picture", async () => {
     await page.locator("#view").press("Home");
     const seen: string[] = [];

@@ -100,12 +100,12 @@ export function connectTrays(changed: (open: HTMLElement | null) => void): void 
     open(null);
     tool?.focus();
   });
-  // A tap outside of an open tray closes it, and does nothing else.
+  // A tap outside of an open tray closes it and places nothing; a drag moves the object all the same.
   box("viewer").addEventListener(
     "pointerdown",
     (event) => {
       if (event.target !== box("view") || !opened()) return;
-      event.stopPropagation();
+      event.preventDefault();
       open(null);
     },
     true,

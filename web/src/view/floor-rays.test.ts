@@ -1,4 +1,4 @@
-import { IDENTITY, Light, Lighting, pixelOfDirection } from "deeplight/core";
+import { IDENTITY, Light, Lighting, pixelOfDirection, texelDirections } from "deeplight/core";
 import { describe, expect, it } from "vitest";
 import { worldFromCamera } from "../sensors/pose.ts";
 import { floorRays } from "./floor-rays.ts";
@@ -45,5 +45,32 @@ describe("floorRays", () => {
       near += Number(-0.6 * toLight[3 * i + 2]! + 0.8 * toLight[3 * i + 1]! > 0.95);
     }
     expect(near).toBeGreaterThan(48);
+  });
+
+  it("sends a sun's rays from where it stands: its shadow is crisp", () => {
+    const height = 128;
+    const [sun, radius] = [[0.48, 0.8, -0.36] as const, 0.02];
+    const directions = texelDirections(height);
+    const radiance = new Float32Array(directions.length).fill(0.2);
+    for (let i = 0; i < radiance.length; i += 3) {
+      const cosine = sun.reduce((sum, value, c) => sum + value * directions[i + c]!, 0);
+      if (cosine > Math.cos(radius)) radiance.fill(3000, i, i + 3);
+    }
+    const seen = new Float32Array(radiance.length / 3);
+    const light = Light.of({ radiance, seen, height }, null);
+    const { toLight } = floorRays(light, IDENTITY, 96);
+    let [atSun, near] = [0, 0];
+    for (let i = 0; i < toLight.length; i += 3) {
+      const off = Math.acos(
+        Math.min(
+          sun.reduce((sum, value, c) => sum + value * toLight[i + c]!, 0),
+          1,
+        ),
+      );
+      if (off < radius + 0.01) atSun++;
+      else if (off < 0.2) near++; // a ball's pixel would spread it as far
+    }
+    expect(atSun).toBeGreaterThan(70);
+    expect(near).toBeLessThan(3);
   });
 });

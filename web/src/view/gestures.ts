@@ -49,8 +49,8 @@ export class Gestures {
     if (event.button !== 0) return;
     this.view.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, this.at(event));
-    const isFirst = this.pointers.size === 1;
-    this.tap = isFirst ? { x: event.clientX, y: event.clientY, ms: event.timeStamp } : null;
+    const mayTap = this.pointers.size === 1 && !event.defaultPrevented;
+    this.tap = mayTap ? { x: event.clientX, y: event.clientY, ms: event.timeStamp } : null;
     this.takeHold();
   };
 

@@ -1,7 +1,7 @@
 import { transposed, turned } from "deeplight/core";
 import { describe, expect, it } from "vitest";
 import { worldFromCamera } from "../sensors/pose.ts";
-import { groundPoint, ray, sizeSpanning, type Viewpoint } from "./ground.ts";
+import { groundPoint, ray, showsGround, sizeSpanning, type Viewpoint } from "./ground.ts";
 
 const VIEW: Viewpoint = {
   worldFromCamera: worldFromCamera(0.4, -0.35, 0.05),
@@ -46,5 +46,15 @@ describe("sizeSpanning", () => {
     const level = { ...VIEW, worldFromCamera: worldFromCamera(0, -Math.PI / 2) };
     const size = sizeSpanning(level, [0, 0, 0], 0.5);
     expect(size).toBeCloseTo(Math.tan(0.55) * 0.6 * 1.2, 9);
+  });
+});
+
+describe("showsGround", () => {
+  it("is true below the horizon, and not where the floor is too far away", () => {
+    expect(showsGround(VIEW, 0.5, 0.9)).toBe(true);
+    expect(showsGround(VIEW, 0.5, 0.02)).toBe(false);
+    const level = { ...VIEW, worldFromCamera: worldFromCamera(0, 0) };
+    expect(showsGround(level, 0.5, 0.51)).toBe(false);
+    expect(showsGround(level, 0.5, 0.7)).toBe(true);
   });
 });
