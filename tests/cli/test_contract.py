@@ -27,9 +27,6 @@ class FakeArgs:
 Run = Callable[[FakeArgs], None]
 
 
-LEFT = {"evaluate_progress", "repeated"}  # files of verbs that are still in two
-
-
 @pytest.fixture
 def verb(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
     """Put a made-up verb `fake` in the table; give the function that says what it does."""
@@ -155,7 +152,7 @@ def test_every_verb_has_help_with_an_example(name: str, capsys: pytest.CaptureFi
 
 def test_every_verb_is_one_file(root: Path) -> None:
     files = {path.stem for path in (root / "src" / "deeplight" / "cli").glob("*.py")}
-    assert files == {*VERBS, "__init__", "main", "screen", "stopping", *LEFT}
+    assert files == {*VERBS, "__init__", "main", "screen", "stopping", "flags"}
 
 
 @pytest.mark.parametrize("flag", ["--help", "--version"])
@@ -176,3 +173,32 @@ def test_python_m_deeplight_is_the_command() -> None:
     done = subprocess.run([*COMMAND, "nonsense"], capture_output=True, text=True, check=False)
     assert done.returncode == dispatcher.BAD_INPUT
     assert done.stderr.startswith("deeplight: 'nonsense' is no verb")
+
+
+@pytest.mark.parametrize(
+    ("words", "unused"),
+    [
+        ("benchmark --split test", "--split without --data"),
+        ("evaluate --data x --hdri y", "--hdri without --benchmark"),
+        ("transfer a.obj --out b --silver None --roughness 0.5", "--roughness with --silver None"),
+        ("transfer a.obj --out b --ground None --ground-points 9", "--ground-points with"),
+        ("export a.onnx --out b.onnx --photos 9", "--photos with --precision float32"),
+        ("export a.onnx --out b.onnx --calibrate x", "--calibrate with --precision float32"),
+        ("probe a.jpg --out b.exr --card-reflectance 0.5", "--card-reflectance without --card"),
+        ("probe a.jpg --out b.exr --shows panorama --ball 1 2 3", "--ball with --shows panorama"),
+        ("demo --export x --port 80", "--port with --export"),
+        ("convert a.hdr --test-panorama --out b.exr", "IN with --test-panorama"),
+        ("convert --test-panorama --out b.exr --from unity", "--from with --test-panorama"),
+        ("simulate --hdri x --out y --ray-address auto", "an address only with --engine ray"),
+        ("capture a.mp4 --out y --ray-address auto", "an address only with --engine ray"),
+        ("estimate a.jpg --light-only --seen", "--light-only"),
+        ("estimate a.jpg --sun 0 40 --shadow-top 1 2", "no --shadow"),
+        ("compose a.jpg --out b.png --layers c.png", "--layers FILE.exr for a photo"),
+        ("study make --method a=x --method b=y --out z --reference r", "--reference without"),
+    ],
+)
+def test_a_flag_that_is_not_used_is_refused(words, unused, capfd, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words.split()) == 2
+    assert unused in capfd.readouterr().err.replace("expected ", "")
+    assert list(tmp_path.iterdir()) == []

@@ -51,10 +51,13 @@ def run(args: Args) -> None:
     """Measure with a progress bar, print the table, write the files."""
     from rich.console import Console
 
+    from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import progress_bar
     from deeplight.deploy.benchmark import measure_speed, write_benchmark
     from deeplight.estimators.onnx import shipped_model
 
+    if args.data is None:
+        refuse_unused(args, "without --data", "split", "examples")
     models = args.models or (shipped_model(),)
     with progress_bar("timing") as bar:
 

@@ -54,10 +54,13 @@ def run(args: Args) -> None:
     """Read, edit and write."""
     from rich.console import Console
 
+    from deeplight.cli.flags import refuse_unused
     from deeplight.formats.files import FileSpec, write_environment
     from deeplight.formats.labelled import labelled_environment
     from deeplight.io.environment_file import read_environment
 
+    if args.test_panorama:
+        refuse_unused(args, "with --test-panorama", "inputs", "in_mapping", "made_from")
     wish = FileSpec(args.out, args.format, args.mapping, args.made_for, args.size, args.lamps_apart)
     wish.must_not_replace(args.inputs)
     test = labelled_environment() if args.test_panorama else None

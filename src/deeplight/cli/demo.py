@@ -33,9 +33,12 @@ class Args:
 
 def run(args: Args) -> None:
     """Serve until Ctrl-C, or write the folder."""
+    from deeplight.cli.flags import refuse_unused
     from deeplight.demo.server import DemoServer
     from deeplight.demo.site import Site
 
+    if args.export is not None:
+        refuse_unused(args, "with --export", "port", "host", "name", "open")
     site = Site.installed()
     if args.export is not None:
         count = site.copied(args.export)

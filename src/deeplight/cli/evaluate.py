@@ -11,7 +11,7 @@ from pathlib import Path
 
 import rich
 
-from deeplight.cli.repeated import Repeated, flat
+from deeplight.cli.flags import Repeated, flat, refuse_unused
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,14 @@ class Args:
 
 
 def run(args: Args) -> None:
-    from deeplight.cli.evaluate_progress import measured
-    from deeplight.evaluate.command import Wanted, opened
+    from deeplight.cli.screen import progress_bar
+    from deeplight.evaluate.command import Wanted, evaluation, opened
     from deeplight.evaluate.files import check_can_write, write_files
     from deeplight.evaluate.tables import all_tables
     from deeplight.io.atomic import results_folder
 
+    if args.benchmark is None:
+        refuse_unused(args, "without --benchmark", "hdri")
     data = opened(args.data, args.benchmark, args.hdri, args.bases)
     methods = flat(args.model), flat(args.panoramas)
     wanted = Wanted(
@@ -66,7 +68,8 @@ def run(args: Args) -> None:
     )
     with results_folder(args.out) if args.out else nullcontext():  # refused before any work
         check_can_write(args.out)
-        found = measured(wanted)
+        with progress_bar("evaluating") as bar:
+            found = evaluation(wanted, bar.begin, bar)
         rich.print(*(table for result in found.results for table in all_tables(result)))
         if args.leaderboard is not None:
             from deeplight.evaluate.leaderboard import update_leaderboard

@@ -45,9 +45,12 @@ class Args:
 
 def run(args: Args) -> None:
     """Read the network, write the file, say what it is."""
+    from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import results_console
     from deeplight.deploy.network import write_network
 
+    if not args.precision.startswith("int8"):
+        refuse_unused(args, f"with --precision {args.precision}", "calibrate", "photos")
     console = results_console()
     with console.status("exporting"):
         contract = write_network(

@@ -55,9 +55,14 @@ class Args:
 def run(args: Args) -> None:
     from deeplight.bracket.check import write_check
     from deeplight.bracket.probe import ProbeSettings, measure
+    from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import results_console
     from deeplight.formats.files import FileSpec, write_environment
 
+    if args.card is None:
+        refuse_unused(args, "without --card", "card_reflectance")
+    if args.shows == "panorama":
+        refuse_unused(args, "with --shows panorama", "ball", "reflectivity")
     wish = FileSpec(args.out)
     wish.must_not_replace(args.photos)
     settings = ProbeSettings(

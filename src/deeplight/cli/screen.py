@@ -74,6 +74,10 @@ class ProgressBar:
         self._progress.update(self._task, completed=done, total=total)
         self._line()
 
+    def begin(self, description: str, total: int | None) -> None:
+        """Begin another piece of work, of a number of steps if that is known."""
+        self._progress.reset(self._task, description=escape(description), total=total)
+
     def expect(self, total: int) -> None:
         """Set the number of steps, where it is known only later."""
         self._progress.update(self._task, total=total)

@@ -42,9 +42,9 @@ def run(args: Args) -> None:
     from deeplight.jobs import Engine
     from deeplight.simulate.run import plan, simulate
 
+    engine = Engine(args.engine, args.workers, args.ray_address)
     shards, simulation = plan(args.hdri, args.out, args.recipe)
     missing = sum(job.count for job in shards.missing())
-    engine = Engine(args.engine, args.workers, args.ray_address)
     start = time.perf_counter()
     with progress_bar("filming", missing) as advance:
         manifest = simulate(shards, simulation, engine, advance)

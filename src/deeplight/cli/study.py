@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from deeplight.cli.repeated import Repeated, flat
+from deeplight.cli.flags import Repeated, flat, refuse_unused
 from deeplight.study.design import Session
 
 
@@ -73,6 +73,8 @@ def _make(args: Make) -> None:
     from deeplight.io.atomic import results_folder
     from deeplight.study.design import SITE, Study, make_study, named_folders
 
+    if args.question != "reference":
+        refuse_unused(args, "without --question reference", "reference")
     study = Study(
         named_folders(flat(args.method)),
         args.question,

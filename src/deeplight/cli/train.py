@@ -10,14 +10,12 @@ folder holds run.toml, losses.csv, validation.csv, curves.png, the checkpoints a
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from deeplight.cli.screen import ProgressBar
 from deeplight.simulate.run import Recipe
 from deeplight.sphere import SPHERES
 
@@ -64,12 +62,15 @@ class Args:
 
 def run(args: Args) -> None:
     """Train with a progress bar; export if asked to."""
+    from deeplight.cli.flags import refuse_unused
     from deeplight.training.devices import first_process
     from deeplight.training.loop import train
     from deeplight.training.presets import preset
 
     machine = (f"run.time_limit_minutes={args.minutes}", f"run.devices={args.devices}")
     config = preset(args.preset, (*args.set, *machine, f"run.nodes={args.nodes}"))
+    if args.weights is not None:
+        refuse_unused(args, "with --weights", "imagenet")
     weights = args.weights
     if weights == Path("shipped"):
         from deeplight.estimators.onnx import shipped_model  # loads onnxruntime, so only here
@@ -102,51 +103,21 @@ def finish(run_dir: Path, data: str, path: Path | None) -> None:
         console.print(f"wrote {path}", markup=False)
 
 
-class TrainProgress:
-    """A progress bar with loss and images per second; a table after each validation."""
+class TrainProgress(ProgressBar):
+    """The bar of a training: loss, images per second, and a table after each validation."""
 
     def __init__(self, quiet: bool = False) -> None:
-        self.console = Console(quiet=quiet)
-        self.bar = Progress(
-            TextColumn("training"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("loss {task.fields[loss]:.4f}  {task.fields[speed]:.1f} images/s"),
-            TimeRemainingColumn(),
-            console=self.console,
-        )
-        self.start = self.console.status("reading the data, fitting the best constant lighting")
-        self.task = self.bar.add_task("training", total=None, loss=float("nan"), speed=0.0)
-
-    def __enter__(self) -> Self:
-        self.start.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.start.stop()
-        if self.bar.live.is_started:
-            self.bar.stop()
+        start = "reading the data, fitting the best constant lighting"
+        super().__init__(start, None, quiet)
 
     def show(self, standing: "Standing") -> None:
         """Move the bar; print the validation if there was one."""
         if standing.fitted is not None:
-            self.start.update("fitting light to example {} of {}".format(*standing.fitted))
+            self.name("fitting light to examples")
+            self.reach(*standing.fitted)
             return
-        if not self.bar.live.is_started:
-            self.start.stop()
-            self.bar.start()
-        self.bar.update(
-            self.task,
-            completed=standing.step,
-            total=standing.total,
-            loss=standing.loss,
-            speed=standing.images_per_second,
-        )
+        self.name(f"loss {standing.loss:.4f}, {standing.images_per_second:.1f} images/s")
+        self.reach(standing.step, standing.total)
         if standing.errors:
             self.console.print(_validation_table(standing))
 

@@ -55,6 +55,7 @@ def run(args: Args) -> None:
 
     from rich.markup import escape
 
+    from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import progress_bar, results_console
     from deeplight.compose.mesh import load
     from deeplight.errors import ConfigError
@@ -62,6 +63,10 @@ def run(args: Args) -> None:
     from deeplight.transfer.ground import Ground
     from deeplight.transfer.precompute import TransferSettings, precompute
 
+    if args.silver is None:
+        refuse_unused(args, "with --silver None", "roughness")
+    if args.ground is None:
+        refuse_unused(args, "with --ground None", "ground_points")
     settings = TransferSettings(
         order=args.order,
         samples=args.samples,
