@@ -23,9 +23,9 @@ WORDS = (b"nan", b"inf", b"-1", b"0", b"99999999999", b"1e999", b"", b"\xff", b"
 
 def mutated(content: bytes, kind: str, rng: Random) -> bytes:
     """Damage a file of a format in one to four places."""
-    last = kind.rpartition(".")[2]
+    structured = _STRUCTURED.get(kind.rpartition(".")[2])
     for _ in range(int(rng.integers(1, 5))):
-        change = _STRUCTURED.get(last) if rng.random() < 0.6 else None
+        change = structured if rng.random() < 0.6 else None
         try:
             content = (change or _bytes)(content, rng)
         except Exception:  # damaged too much already to be taken apart
@@ -155,6 +155,34 @@ def _words(content: bytes, rng: Random) -> bytes:
     return b" ".join(words) + end + rest
 
 
+def _cells(content: bytes, rng: Random) -> bytes:
+    """Change one cell of a table."""
+    rows = [line.split(b",") for line in content.split(b"\n")]
+    row = rows[rng.integers(len(rows))]
+    words = (*WORDS, b'"', b"a,b", b"\r\n", b"x" * 200_000)
+    row[rng.integers(len(row))] = words[rng.integers(len(words))]
+    return b"\n".join(b",".join(row) for row in rows)
+
+
+def _sealed(content: bytes, rng: Random) -> bytes:
+    """Change a transfer and put its checksum right."""
+    changed = _bytes(content, rng)
+    return changed[:12] + struct.pack("<I", zlib.crc32(changed[16:])) + changed[16:]
+
+
+def _headed(content: bytes, rng: Random) -> bytes:
+    """Change the JSON at the head of a safetensors file and put its length right."""
+    size = int.from_bytes(content[:8], "little")
+    head = json.dumps(changed_value(json.loads(content[8 : 8 + size]), rng)).encode()
+    return len(head).to_bytes(8, "little") + head + content[8 + size :]
+
+
+def _same_size(content: bytes, rng: Random) -> bytes:
+    """Change bytes of a tar, which a wrong size alone would refuse."""
+    change = (_flip, _number, _fill)[rng.integers(3)]
+    return change(bytearray(content), rng)[: len(content)].ljust(len(content), b"\0")
+
+
 def _boxes(content: bytes, rng: Random) -> bytes:
     """Change a size or a field behind the name of a box of MP4, HEIF or AVIF."""
     names = b"moov trak mdia stbl stsd stts stsz stco avcC hvcC colr pasp tkhd meta iprp ipco ispe"
@@ -169,6 +197,7 @@ def _boxes(content: bytes, rng: Random) -> bytes:
 
 
 _STRUCTURED: dict[str, Callable[[bytes, Random], bytes]] = {
-    "png": _png, "json": _json, "glb": _glb, "npz": _npz, "obj": _words, "ply": _words,
-    "mp4": _boxes, "heic": _boxes, "avif": _boxes,
+    "png": _png, "json": _json, "gltf": _json, "glb": _glb, "npz": _npz, "obj": _words,
+    "ply": _words, "csv": _cells, "mp4": _boxes, "mov": _boxes, "heic": _boxes, "avif": _boxes,
+    "transfer": _sealed, "safetensors": _headed, "tar": _same_size,
 }  # fmt: skip

@@ -1,9 +1,15 @@
 """The readers that get the damaged files: those that the commands use."""
 
+import shutil
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+
+import numpy as np
+
+from lab.fuzz.seeds_kept import DATA_SET, KEY
 
 Reader = Callable[[Path], Any]
 
@@ -80,21 +86,162 @@ def _model(path: Path) -> None:
     open_model(path, 1)
 
 
-_PICTURE: tuple[Reader, ...] = (_photo, _photograph, _tilt)
+def _places(path: Path) -> None:
+    from deeplight.simulate.panorama import MANIFEST, places_in
+
+    with TemporaryDirectory() as folder:
+        shutil.copyfile(path, Path(folder) / MANIFEST)
+        places_in(Path(folder))
+
+
+def _clips(path: Path) -> None:
+    from deeplight.capture.catalogue import find_clips
+
+    find_clips([path.with_name("a.mp4")], path)
+
+
+def _of_data_set(place: str, path: Path) -> None:
+    """Put a file into a data set in place of its own, and read all of it."""
+    from deeplight.dataset import open_dataset
+    from deeplight.dataset.plan import ShardPlan
+
+    path.stat()
+    with TemporaryDirectory() as scratch:
+        folder = Path(scratch) / DATA_SET
+        shutil.copytree(path.with_name(DATA_SET), folder)
+        (found,) = folder.glob(place)
+        shutil.copyfile(path, found)
+        ShardPlan.open(folder).missing()
+        data = open_dataset(folder)
+        for split in data.splits:
+            list(data.examples(split))
+        data.verify()
+
+
+def _shard(path: Path) -> None:
+    _of_data_set("*-*.tar", path)
+
+
+def _index(path: Path) -> None:
+    _of_data_set("*-*.json", path)
+
+
+def _manifest(path: Path) -> None:
+    _of_data_set("manifest.json", path)
+
+
+def _plan(path: Path) -> None:
+    _of_data_set("plan.json", path)
+
+
+def _session(path: Path) -> None:
+    from deeplight.fuse.session import Session
+
+    Session.load(path, lambda pixels: np.zeros((32, 32, 3), np.float32))
+
+
+def _poses(path: Path) -> None:
+    from deeplight.fuse.poses import read_poses
+
+    poses = read_poses(path, upright=True)
+    for number in range(3):
+        poses.at(number, number / 10)
+
+
+def _panorama_photo(path: Path) -> None:
+    from deeplight.fuse.panorama_photo import is_panorama, panorama_frames
+
+    if is_panorama(path):
+        list(panorama_frames(path))
+
+
+def _frames(path: Path) -> None:
+    from deeplight.fuse.sources import read_frames
+
+    read_frames([path], None)
+
+
+def _bracket(path: Path) -> None:
+    from deeplight.bracket.exposures import read_frames
+
+    read_frames([path, path], (0.1, 0.4))
+
+
+def _key(path: Path) -> None:
+    from deeplight.study.answers import Key
+
+    Key.load(path)
+
+
+def _answers(path: Path) -> None:
+    from deeplight.study.analyse import analyse
+    from deeplight.study.answers import Key, checked, read_people
+
+    key = Key(KEY["study"], KEY["question"], KEY["conditions"], KEY["scenes"])
+    analyse([checked(person) for person in read_people([path], key)], key)
+
+
+def _board(path: Path) -> None:
+    from deeplight.evaluate.leaderboard import read_leaderboard
+
+    read_leaderboard(path)
+
+
+def _transfer(path: Path) -> None:
+    from deeplight.transfer.file import read
+
+    read(path)
+
+
+def _checkpoint(path: Path) -> None:
+    from deeplight.training.checkpoint import load
+
+    load(path)
+
+
+def _network(path: Path) -> None:
+    from deeplight.training.model_file import load_network
+
+    load_network(path)
+
+
+_PICTURE: tuple[Reader, ...] = (_photo, _photograph, _tilt, _panorama_photo)
 _OF: dict[str, tuple[Reader, ...]] = {
     "exr": (_environment, _photo),
     "hdr": (_environment, _photo),
     "tif": (*_PICTURE, _environment),
-    "mp4": (_video, _facts),
-    "json": (_environment, _rig, _lights),
-    "npz": (_weights, _bases),
+    "jpg": (*_PICTURE, _bracket),
+    "mp4": (_video, _facts, _frames),
+    "light.json": (_environment,),
+    "rig.json": (_rig,),
+    "stage.json": (_lights,),
+    "stage.csv": (_lights,),
+    "poses.json": (_poses,),
+    "key.json": (_key,),
+    "answers.json": (_answers,),
+    "board.json": (_board,),
+    "index.json": (_index,),
+    "manifest.json": (_manifest,),
+    "plan.json": (_plan,),
+    "shard.tar": (_shard,),
+    "clips.csv": (_clips,),
+    "places.csv": (_places,),
+    "npz": (_weights, _bases, _session),
+    "session.npz": (_session,),
+    "bases.npz": (_bases,),
     "glb": (_mesh,),
+    "gltf": (_mesh,),
     "obj": (_mesh,),
     "ply": (_mesh,),
-    "onnx": (_model,),
+    "transfer": (_transfer,),
+    "safetensors": (_checkpoint, _network),
+    "onnx": (_model, _network),
+    "tflite": (_model,),
 }
+for _container in ("mov", "mkv", "webm", "avi"):
+    _OF[_container] = _OF["mp4"]
 
 
 def readers_of(kind: str) -> tuple[Reader, ...]:
-    """The readers that a file of a format comes to."""
-    return _OF.get(kind.rpartition(".")[2], _PICTURE)
+    """Give the readers that a file of a format comes to."""
+    return _OF.get(kind) or _OF.get(kind.rpartition(".")[2], _PICTURE)

@@ -6,6 +6,7 @@ than `HANG_S` seconds, more than `MOST_BYTES` of memory.
 """
 
 import multiprocessing
+import os
 import time
 import traceback
 import zlib
@@ -25,6 +26,7 @@ from lab.fuzz.readers import readers_of
 from lab.fuzz.seeds import OBJ, SEEDS
 
 HANG_S = 10.0
+BUSY = 6  # so many times as long, where the processor has not been given
 START_S = 120.0
 MOST_BYTES = 1_500_000_000
 LIMIT_BYTES = 4_000_000_000
@@ -135,6 +137,7 @@ class _Child:
             name = reader.__name__.strip("_")
             if self._process is None:
                 self._begin()
+            self._before = _seconds_of(self._process.pid)
             self._pipe.send((reader, path))
             began = time.monotonic()
             what = self._answer(result)
@@ -150,7 +153,7 @@ class _Child:
     def _answer(self, result: Result) -> str | None:
         """What is wrong with the child's answer, or with there being none."""
         self.refused = ""
-        if not self._pipe.poll(HANG_S):
+        if not self._answers():
             self.end()
             return f"no answer in {HANG_S:.0f} s"
         try:
@@ -165,6 +168,17 @@ class _Child:
         if most > MOST_BYTES:
             return f"{most / 1e6:,.0f} MB of memory"
         return harm or None
+
+    def _answers(self) -> bool:
+        """Whether an answer comes in time; more is given while a busy machine lets it wait."""
+        for _ in range(BUSY):
+            if self._pipe.poll(HANG_S):
+                return True
+            if _seconds_of(self._process.pid) - self._before > HANG_S:
+                return False
+            if not _runnable(self._process.pid):
+                return False
+        return False
 
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -218,6 +232,29 @@ def _limit() -> None:
         return
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_DATA, (LIMIT_BYTES, LIMIT_BYTES))
+
+
+def _seconds_of(process: int) -> float:
+    """Give the processor time of a process so far; 0 where that is not to be had."""
+    stat = Path(f"/proc/{process}/stat")
+    if not stat.exists():
+        return 0.0
+    words = stat.read_text("utf-8", "replace").rpartition(")")[2].split()
+    return sum(map(int, words[11:15])) / os.sysconf("SC_CLK_TCK")
+
+
+def _runnable(process: int) -> bool:
+    """Whether a process, or one that it started, wants the processor or waits for the disk."""
+    stat = Path(f"/proc/{process}/stat")
+    if not stat.exists():
+        return False
+    children = [
+        int(word)
+        for file in Path(f"/proc/{process}/task").glob("*/children")
+        for word in file.read_text().split()
+    ]
+    state = stat.read_text("utf-8", "replace").rpartition(")")[2].split()[0]
+    return state in "RD" or any(_runnable(child) for child in children)
 
 
 def _forget_peak() -> None:

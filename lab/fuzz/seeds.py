@@ -1,5 +1,6 @@
 """Small good files of every format that is read, made here: nothing is fetched or shipped."""
 
+import base64
 import io
 import json
 import struct
@@ -15,6 +16,8 @@ from deeplight.io.lighting_file import save_lighting
 from deeplight.io.radiance import write_exr, write_hdr
 from deeplight.io.video_writer import VideoWriter
 from deeplight.lighting import Lighting
+from lab.fuzz.dng import write_dng
+from lab.fuzz.seeds_kept import GOLDEN, KEPT
 
 SIDE = 48
 _rng = np.random.default_rng(18)
@@ -50,6 +53,67 @@ def _video(codec: str) -> Callable[[Path], None]:
                 video.write(np.roll(pixels, number, axis=0))
 
     return write
+
+
+def _container(codec: str, **options: str) -> Callable[[Path], None]:
+    """A film in another container than the program's own writer makes."""
+
+    def write(path: Path) -> None:
+        import av
+
+        with av.open(str(path), "w") as file:
+            stream = file.add_stream(codec, rate=30)
+            stream.width = stream.height = 64
+            stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+            stream.options = options
+            stream.codec_context.thread_count = 1
+            for number in range(4):
+                pixels = np.roll(np.tile(PIXELS, (2, 2, 1))[:64, :64], number, axis=0)
+                frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), "rgb24")
+                file.mux(stream.encode(frame))
+            file.mux(stream.encode())
+
+    return write
+
+
+def _panorama_photo(path: Path) -> None:
+    xmp = b'http://ns.adobe.com/xap/1.0/\0<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF '
+    xmp += b'xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description '
+    xmp += b'xmlns:GPano="http://ns.google.com/photos/1.0/panorama/" '
+    sizes = {"CroppedAreaImageWidthPixels": 192, "CroppedAreaImageHeightPixels": 96,
+             "FullPanoWidthPixels": 192, "FullPanoHeightPixels": 96,
+             "CroppedAreaLeftPixels": 0, "CroppedAreaTopPixels": 0}  # fmt: skip
+    xmp += b"".join(b'GPano:%s="%d" ' % (name.encode(), size) for name, size in sizes.items())
+    xmp += b'GPano:ProjectionType="equirectangular"/></rdf:RDF></x:xmpmeta>'
+    file = io.BytesIO()
+    Image.fromarray(np.tile(PIXELS, (2, 4, 1))).save(file, "JPEG")
+    segment = b"\xff\xe1" + struct.pack(">H", 2 + len(xmp)) + xmp
+    path.write_bytes(file.getvalue()[:2] + segment + file.getvalue()[2:])
+
+
+def _float_tif(path: Path) -> None:
+    import OpenImageIO as oiio
+
+    file = oiio.ImageOutput.create(str(path))
+    file.open(str(path), oiio.ImageSpec(64, 32, 3, "float"))
+    file.write_image(PANORAMA)
+    file.close()
+
+
+def _layers(path: Path) -> None:
+    import OpenImageIO as oiio
+
+    names = [f"ViewLayer.{layer}.{c}" for layer in ("Combined", "DiffCol") for c in "RGB"]
+    spec = oiio.ImageSpec(64, 32, 6, "half")
+    spec.channelnames = names
+    file = oiio.ImageOutput.create(str(path))
+    file.open(str(path), spec)
+    file.write_image(np.concatenate([PANORAMA, PANORAMA], axis=-1))
+    file.close()
+
+
+def _dng(path: Path) -> None:
+    write_dng(path, PIXELS.astype(np.float32) / 255, thumbnail=True)
 
 
 def _lighting(path: Path) -> None:
@@ -113,6 +177,13 @@ def _gltf() -> tuple[dict[str, Any], bytes]:
 
 def _glb(path: Path) -> None:
     path.write_bytes(glb(*_gltf()))
+
+
+def _gltf_text(path: Path) -> None:
+    document, buffer = _gltf()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()
+    document["buffers"][0]["uri"] = uri
+    path.write_text(json.dumps(document))
 
 
 OBJ = b"mtllib a.mtl\nv 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvn 0 0 1\n"
@@ -181,11 +252,25 @@ SEEDS: dict[str, Callable[[Path], None]] = {
     "obj": _text(OBJ),
     "ply": _text(PLY),
     "onnx": _onnx,
+    "pano.jpg": _panorama_photo,
+    "float.tif": _float_tif,
+    "layers.exr": _layers,
+    "dng": _dng,
+    "mov": _container("mpeg4"),
+    "mkv": _container("libx264", preset="ultrafast"),
+    "webm": _container("libvpx-vp9", deadline="realtime"),
+    "avi": _container("mjpeg"),
+    "gltf": _gltf_text,
+    **KEPT,
 }
 """Format -> a function that writes a good file of it."""
 
-PACKAGES = {"heic": "pillow_heif", "mp4": "av", "hevc.mp4": "av", "onnx": "onnx",
-            "glb": "trimesh", "obj": "trimesh", "ply": "trimesh", "npz": "torch"}  # fmt: skip
+PACKAGES = {
+    "heic": "pillow_heif", "onnx": "onnx", "npz": "torch", "safetensors": "torch", "dng": "rawpy",
+    "session.npz": "cv2", "transfer": "embreex", "tflite": "ai_edge_litert",
+    **dict.fromkeys(("mp4", "hevc.mp4", "mov", "mkv", "webm", "avi"), "av"),
+    **dict.fromkeys(("glb", "gltf", "obj", "ply"), "trimesh"),
+}  # fmt: skip
 
 
 def available() -> list[str]:
@@ -193,5 +278,6 @@ def available() -> list[str]:
     from importlib.util import find_spec
 
     found = [name for name in SEEDS if find_spec(PACKAGES.get(name, "numpy"))]
+    found = [name for name in found if name != "tflite" or (GOLDEN / "tiny.tflite").is_file()]
     wanted = {"avif": "avif", "jp2": "jpg_2000", "webp": "webp"}
     return [name for name in found if name not in wanted or features.check(wanted[name])]

@@ -6,6 +6,7 @@ import warnings
 import zlib
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +16,9 @@ from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io.exif import Exif, exif_of_pillow, number
 from deeplight.io.heif_boxes import HeifHeader, read_header
 from deeplight.io.photos import photo_of_pillow, photo_paths, read_photo
+from lab.fuzz import dng
 
 HEIGHT, WIDTH = 64, 96
-WHITE, BLACK = 4095, 256
 
 
 def scene() -> np.ndarray:
@@ -35,102 +36,9 @@ def far(got: np.ndarray, wanted: np.ndarray) -> float:
     return float(np.abs(got.astype(int) - wanted).mean())
 
 
-def folder(entries: dict[int, tuple[str, tuple]], at: int, following: int = 0) -> bytes:
-    """A TIFF directory at `at`: tag -> (struct letter, values); 'r' is a signed fraction."""
-    kinds = {"B": 1, "s": 2, "H": 3, "I": 4, "r": 10}
-    table, body = b"", b""
-    start = at + 2 + 12 * len(entries) + 4
-    for tag, (letter, values) in sorted(entries.items()):
-        if letter == "s":
-            content, count = values[0] + b"\0", len(values[0]) + 1
-        elif letter == "r":
-            pairs = [pair for value in values for pair in (round(value * 10_000), 10_000)]
-            content, count = struct.pack(f"<{len(pairs)}i", *pairs), len(values)
-        else:
-            content, count = struct.pack(f"<{len(values)}{letter}", *values), len(values)
-        table += struct.pack("<HHI", tag, kinds[letter], count)
-        if len(content) <= 4:
-            table += content.ljust(4, b"\0")
-        else:
-            table += struct.pack("<I", start + len(body))
-            body += content + bytes(len(content) % 2)
-    return struct.pack("<H", len(entries)) + table + struct.pack("<I", following) + body
-
-
-def write_dng(
-    path: Path,
-    balance: tuple[float, float, float] = (0.5, 1.0, 0.625),
-    stops: float | None = None,
-    orientation: int = 1,
-    thumbnail: bool = False,
-) -> Path:
-    """A DNG of the scene: RGGB, black level, as-shot neutral; camera colours are linear sRGB's.
-
-    With `thumbnail` the first directory is a small picture and the mosaic lies in a sub-directory,
-    as Adobe's and most cameras' files have it.
-    """
-    sensor = scene() * balance
-    mosaic = sensor[..., 1].copy()
-    mosaic[0::2, 0::2] = sensor[0::2, 0::2, 0]
-    mosaic[1::2, 1::2] = sensor[1::2, 1::2, 2]
-    values = np.round(BLACK + mosaic * (WHITE - BLACK)).astype("<u2").tobytes()
-    xyz_to_srgb = np.linalg.inv(
-        [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-    )
-    matrix = np.diag(balance) @ xyz_to_srgb
-    camera = {
-        271: ("s", (b"made",)),
-        272: ("s", (b"here",)),
-        274: ("H", (orientation,)),
-        50706: ("B", (1, 4, 0, 0)),
-        50708: ("s", (b"made here",)),
-        50721: ("r", tuple(matrix.ravel())),
-        50728: ("r", balance),
-        50778: ("H", (21,)),
-    }
-    if stops is not None:
-        camera[50730] = ("r", (stops,))
-    raw = {
-        254: ("I", (0,)),
-        256: ("I", (WIDTH,)),
-        257: ("I", (HEIGHT,)),
-        258: ("H", (16,)),
-        259: ("H", (1,)),
-        262: ("H", (32803,)),
-        273: ("I", (8,)),
-        277: ("H", (1,)),
-        278: ("I", (HEIGHT,)),
-        279: ("I", (len(values),)),
-        33421: ("H", (2, 2)),
-        33422: ("B", (0, 1, 1, 2)),
-        50714: ("H", (BLACK,)),
-        50717: ("H", (WHITE,)),
-    }
-    lens = {37386: ("r", (5.0,)), 41989: ("H", (26,))}
-    camera[34665] = ("I", (8 + len(values),))
-    exif = folder(lens, 8 + len(values))
-    first = 8 + len(values) + len(exif)
-    if thumbnail:
-        small = {
-            254: ("I", (1,)),
-            256: ("I", (48,)),
-            257: ("I", (32,)),
-            258: ("H", (8, 8, 8)),
-            259: ("H", (1,)),
-            262: ("H", (2,)),
-            273: ("I", (16,)),  # LibRaw knows directories by where their pixels are
-            277: ("H", (3,)),
-            278: ("I", (32,)),
-            279: ("I", (48 * 32 * 3,)),
-            330: ("I", (0,)),
-        }
-        second = first + len(folder(camera | small, first))
-        small[330] = ("I", (second,))
-        ends = folder(camera | small, first) + folder(raw, second)
-    else:
-        ends = folder(camera | raw, first)
-    path.write_bytes(struct.pack("<2sHI", b"II", 42, first) + values + exif + ends)
-    return path
+def write_dng(path: Path, *args: Any, **options: Any) -> Path:
+    """A DNG of the scene."""
+    return dng.write_dng(path, scene(), *args, **options)
 
 
 @pytest.mark.parametrize("thumbnail", [False, True])
