@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -48,11 +49,11 @@ def run(args: Args) -> None:
     with TemporaryDirectory() as folder:
         whole, killed = Path(folder) / "whole", Path(folder) / "killed"
         began = time.monotonic()
-        _started(args.command, whole).communicate()
+        started(args.command, whole).communicate()
         took = time.monotonic() - began
         moments, finished = random.Random(args.seed), 0
         for _ in range(args.kills):
-            child = _started(args.command, killed)
+            child = started(args.command, killed)
             try:
                 child.wait(moments.uniform(0.05, 1) * took)
                 finished += 1
@@ -60,7 +61,7 @@ def run(args: Args) -> None:
             except subprocess.TimeoutExpired:
                 os.killpg(child.pid, signal.SIGKILL)
                 child.wait()
-        last = _started(args.command, killed)
+        last = started(args.command, killed)
         said = last.communicate()[1]
         differ = differing(whole, killed, args.ignore)
     print(f"{args.kills - finished} kills of {took:.1f} s runs, exit code {last.returncode}")
@@ -88,10 +89,12 @@ def differing(one: Path, other: Path, ignore: tuple[str, ...] = ()) -> list[str]
     ]
 
 
-def _started(command: str, out: Path) -> subprocess.Popen[str]:
+def started(command: str, out: Path, before: Sequence[str] = ()) -> subprocess.Popen[str]:
+    """Begin a command in a process group of its own, with `before` in front of its words."""
     words = [word.replace("{out}", str(out)) for word in shlex.split(command)]
     if words[0] == "deeplight":
         words[:1] = [sys.executable, "-m", "deeplight"]
+    words = [*before, *words]
     return subprocess.Popen(words, stdout=-3, stderr=-1, text=True, start_new_session=True)
 
 

@@ -41,7 +41,11 @@ class Lighting:
         off = mirror_ball.coverage(len(radiance)) == 0
         radiance[off] = 0
         if not (np.isfinite(radiance).all() and (radiance >= 0).all()):
-            raise ShapeError("finite radiance of at least 0", "nan, inf or less", "clean it first")
+            raise ShapeError(
+                "finite radiance of at least 0",
+                "NaN, infinite or negative values",
+                "clean it first",
+            )
         radiance.setflags(write=False)
         object.__setattr__(self, "radiance", radiance)
 

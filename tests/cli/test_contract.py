@@ -145,7 +145,9 @@ def test_every_verb_has_help_with_an_example(name: str, capsys: pytest.CaptureFi
     with pytest.raises(SystemExit) as left:
         main([name, "--help"])
     assert left.value.code == 0
-    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    said = capsys.readouterr().out
+    assert "(default: )" not in said
+    lines = [line.strip() for line in said.splitlines()]
     assert [line for line in lines if line.startswith(f"deeplight {name} ")]
     assert not [line for line in lines if line.count(f"deeplight {name} ") > 1]  # one a line
 

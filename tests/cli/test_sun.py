@@ -143,6 +143,15 @@ def test_the_command_uses_it_outdoors_by_day_and_writes_no_place(
     )
 
 
+def test_a_given_sun_is_said_without_a_doubt_of_0_degrees(tmp_path, tiny_model, capsys):
+    photo = save_photo(tmp_path / "a.jpg", 154.34)
+    words = [str(photo), "--out", str(tmp_path / "out"), "--model", str(tiny_model)]
+    assert main(["estimate", *words, "--sun", "30", "40"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "given by its angles" in said
+    assert "within" not in said
+
+
 CAMERA = PinholeCamera(300, 400, float(np.radians(66)))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from deeplight.cli.main import main
 from deeplight.errors import ImageFileError
 from deeplight.io.colour import ACES_AP0, ACES_AP1, BT2020, CIE_XYZ, bt709_from_primaries
 from deeplight.io.environment_file import read_environment
@@ -166,6 +167,20 @@ def test_which_layer_is_asked_where_several_could_be_the_light(tmp_path: Path, n
         read_hdr(write_parts(tmp_path / "a.exr", parts))
     assert listed in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_layer_is_taken_by_its_name(tmp_path: Path) -> None:
+    parts = [("", layer("Back.Combined.", WRONG) | layer("Front.Combined."))]
+    path = write_parts(tmp_path / "a.exr", parts)
+    np.testing.assert_array_equal(read_hdr(path, "front.combined"), light())
+    np.testing.assert_array_equal(read_environment(path, layer="Front.Combined").radiance, light())
+    np.testing.assert_array_equal(read_hdr(path, "Back.Combined"), WRONG)
+    with pytest.raises(ImageFileError, match=r"'Combined'.*with Back.Combined, Front.Combined"):
+        read_hdr(path, "Combined")
+    out = tmp_path / "light.exr"
+    assert main(["convert", str(path), "--layer", "Front.Combined", "--out", str(out)]) == 0
+    np.testing.assert_allclose(read_hdr(out), light(), rtol=1e-6)
+    assert main(["convert", str(path), "--out", str(tmp_path / "no.exr")]) == 2
 
 
 def test_a_deep_file_is_said_to_be_deep(tmp_path: Path) -> None:

@@ -28,10 +28,12 @@ class Args:
     """Options of `deeplight benchmark`."""
 
     models: Annotated[
-        tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="MODEL...")
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="MODEL...", help_behavior_hint="(optional)"),
     ] = ()
     """.onnx and .tflite files; left out, the model that comes with deeplight."""
-    threads: tuple[int, ...] = ()
+    threads: Annotated[tuple[int, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Numbers of threads to try; left out, 1 and all cores (at most 4)."""
     rounds: int = 50
     """How often each model runs, in turns with the others."""

@@ -28,7 +28,11 @@ _UNKNOWN_LENGTH = 900  # frames, for the bar only
 class Args:
     """Options of `deeplight capture`."""
 
-    clips: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CLIP...")]
+    clips: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="CLIP...", help_behavior_hint="(one or more)"),
+    ]
     """Videos, or folders of videos."""
     out: Path
     """Folder of the data set; one with the same settings is continued."""

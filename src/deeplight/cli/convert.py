@@ -26,7 +26,11 @@ Tool = Literal["blender", "three", "mitsuba", "unity", "unreal", "usd", "webxr"]
 class Args:
     """Options of `deeplight convert`."""
 
-    inputs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="IN...")]
+    inputs: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="IN...", help_behavior_hint="(one, or six faces)"),
+    ]
     """A lighting .json or .exr of deeplight, an HDR picture, or six faces +X -X +Y -Y +Z -Z."""
     out: Path
     """.exr .hdr .jpg .json .webxr.json .ktx2 .gltf .glb .py (Blender) .js (three.js) .usda
@@ -43,6 +47,8 @@ class Args:
     """Mapping of IN. Default: by its shape; for a square it must be given."""
     made_from: Annotated[Tool | None, tyro.conf.arg(name="from")] = None
     """IN is turned as this tool has it."""
+    layer: str | None = None
+    """Layer of IN, an EXR with several that could be the light."""
     lamps_apart: bool = False
     """Leave the compact lights out of the picture; scripts and the .json have them as lights."""
     test_panorama: bool = False
@@ -64,6 +70,7 @@ def run(args: Args) -> None:
     wish = FileSpec(args.out, args.format, args.mapping, args.made_for, args.size, args.lamps_apart)
     wish.must_not_replace(args.inputs)
     test = labelled_environment() if args.test_panorama else None
-    light = test or read_environment(args.inputs, args.in_mapping, args.made_from)
+    given = args.inputs, args.in_mapping, args.made_from
+    light = test or read_environment(*given, layer=args.layer)
     console = Console(highlight=False, soft_wrap=True, markup=False)
     console.print(*write_environment(light.edited(args.edit), wish), sep="\n")

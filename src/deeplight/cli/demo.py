@@ -11,6 +11,9 @@ localhost: docs/serve.md says how to open the page on a phone.
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -23,7 +26,7 @@ class Args:
     """Port to serve at; 0 takes any free one."""
     host: str = "127.0.0.1"
     """Address to serve at; 0.0.0.0 lets the whole network in, :: by IPv6 too."""
-    name: tuple[str, ...] = ()
+    name: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Names that the page may be asked by, besides this machine's: a tunnel's, a proxy's."""
     open: bool = True
     """Open the browser, when started from a terminal."""

@@ -26,7 +26,11 @@ if TYPE_CHECKING:
 class Args:
     """Options of `deeplight estimate`."""
 
-    photos: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PHOTO...")]
+    photos: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="PHOTO...", help_behavior_hint="(one or more)"),
+    ]
     """Photos, folders of photos, videos (one result per frame)."""
     out: Path = Path("out")
     """Folder for the results; made if it is missing."""

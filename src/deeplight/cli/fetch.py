@@ -21,7 +21,11 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, Trans
 class Args:
     """Options of `deeplight fetch`."""
 
-    slugs: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    slugs: Annotated[
+        tuple[str, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="NAME...", help_behavior_hint="(optional)"),
+    ] = ()
     """Names as in polyhaven.com/a/NAME."""
     out: Path = field(default_factory=lambda: Path("hdri"))
     """Folder of the panoramas."""

@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 class Args:
     """Options of `deeplight fuse`."""
 
-    sources: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CLIP|PHOTO")]
+    sources: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="CLIP|PHOTO", help_behavior_hint="(one or more)"),
+    ]
     """One clip, photos in the order they were taken (several exposures are welcome), a folder of
     them, or a phone's panorama with GPano metadata."""
     out: Path

@@ -22,13 +22,17 @@ import tyro
 class Args:
     """Options of `deeplight probe`."""
 
-    photos: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PHOTO...")]
+    photos: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="PHOTO...", help_behavior_hint="(one or more)"),
+    ]
     """The exposures, in any order."""
     out: Path
     """Environment to write: .exr .hdr .json and what else `deeplight convert` knows."""
     shows: Literal["mirror-ball", "panorama"] = "mirror-ball"
     """What the photos show; a panorama is equirectangular, its centre the view."""
-    times: tuple[float, ...] = ()
+    times: Annotated[tuple[float, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Exposure of each photo in the order given, in seconds, where EXIF does not say it."""
     gamma: float | None = None
     """Of the stored values, 1 for linear ones; left out, recovered from three or more photos."""
@@ -44,7 +48,7 @@ class Args:
     """X Y WIDTH HEIGHT of a grey card in pixels: makes it neutral and sets the unit."""
     card_reflectance: float = 0.18
     """Of the card."""
-    chart: tuple[float, ...] = ()
+    chart: Annotated[tuple[float, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """X Y of a 24-patch chart's corners: at dark skin, bluish green, black, white."""
     like: Path | None = None
     """The photo whose true light this is: 1.0 becomes the white of its exposure."""

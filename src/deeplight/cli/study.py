@@ -47,7 +47,11 @@ class Make:
 class Analyse:
     """Rank the methods by people's answers."""
 
-    answers: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE...")]
+    answers: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="FILE...", help_behavior_hint="(one or more)"),
+    ]
     """Answer files, or folders of them."""
     study: Path
     """Folder that `make` wrote, or its key.json."""

@@ -183,6 +183,9 @@ def _placed(
         return {0: np.eye(3)}, fov, []
     found = track([frame.pixels for frame in frames], fov, known)
     if not found.rotations:
+        if len(frames) == 1:
+            do = "turn while filming, or use `deeplight estimate`"
+            raise ImageFileError("a clip in which the camera turns", "one that stands still", do)
         got = f"{len(frames)} of which no two show the same thing"
         do = "turn slower so that neighbours overlap by a third, or give --poses"
         raise ImageFileError("pictures that overlap", got, do)

@@ -36,6 +36,7 @@ def read_environment(
     mapping: str | None = None,
     made_for: str | None = None,
     max_height: int | None = None,
+    layer: str | None = None,
 ) -> Environment:
     """Read one picture in any mapping, six faces of a cube, or a lighting file of ours.
 
@@ -49,6 +50,7 @@ def read_environment(
             out, the centre column, or the middle of a disc or cross, is the view (a mirror ball's
             rim is the view).
         max_height: rows of the panorama; a finer file is averaged down to it.
+        layer: of an EXR with several that could be the light.
 
     Returns:
         The light; relative to the camera's white if the file is one of ours, else in the file's
@@ -66,11 +68,11 @@ def read_environment(
     try:
         with reading(files[0]):
             if len(files) == 6:
-                radiance, unit, seen = *_six(files, made_for), None
+                radiance, unit, seen = *_six(files, made_for, layer), None
             elif files[0].suffix.lower() == ".json":
                 radiance, seen, unit = *_described(files[0]), "camera_white"
             else:
-                radiance, unit, seen = *_one(files[0], mapping, made_for), None
+                radiance, unit, seen = *_one(files[0], mapping, made_for, layer), None
             if max_height is not None and len(radiance) > max_height:
                 radiance = shrink_latlong(radiance, max_height)
             if seen is not None:
@@ -100,8 +102,10 @@ def load_lighting(path: Path | str) -> Lighting:
 _Panorama = tuple[Float[np.ndarray, "height width 3"], Unit]
 
 
-def _one(path: Path, mapping: str | None, made_for: str | None) -> _Panorama:
-    picture = read_hdr(path)
+def _one(
+    path: Path, mapping: str | None, made_for: str | None, layer: str | None = None
+) -> _Panorama:
+    picture = read_hdr(path, layer)
     mapping = mapping or mapping_of(*picture.shape[:2])
     if mapping == "cube":
         raise ConfigError("six files of a cube", "one", "name six, or say strip or cross")
@@ -145,8 +149,8 @@ def _latlong(
     return np.roll(radiance, shift, axis=1), unit
 
 
-def _six(paths: Sequence[Path], made_for: str | None) -> _Panorama:
-    faces = [read_hdr(path) for path in paths]
+def _six(paths: Sequence[Path], made_for: str | None, layer: str | None) -> _Panorama:
+    faces = [read_hdr(path, layer) for path in paths]
     first = faces[0].shape
     for path, face in zip(paths, faces, strict=True):
         if face.shape != first or first[0] != first[1]:

@@ -104,7 +104,9 @@ def _eight_bit(pixels: np.ndarray) -> UInt8[np.ndarray, "height width channels"]
         pixels = pixels / np.float32(65535)
     in_range = pixels.dtype.kind == "f" and pixels.min() >= 0 and pixels.max() <= 1
     if not in_range:  # NaN compares false and ends here too
-        got = f"{pixels.dtype} outside it" if pixels.dtype.kind == "f" else f"{pixels.dtype}"
+        got = f"{pixels.dtype}"
+        if pixels.dtype.kind == "f":
+            got += " outside it" if np.isfinite(pixels).all() else " with NaN or infinite values"
         expected = "uint8 or uint16 pixels, or floats in [0, 1]"
         raise ShapeError(expected, got, "encode the photo first")
     return np.floor(pixels * 255 + 0.5).astype(np.uint8)

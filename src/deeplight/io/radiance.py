@@ -44,7 +44,7 @@ NO_METADATA: Mapping[str, str | int | float] = MappingProxyType({})
 
 
 @reads
-def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
+def read_hdr(path: Path | str, layer: str | None = None) -> Float32[np.ndarray, "height width 3"]:
     """Read linear radiance upright, in the file's own units and sRGB's primaries.
 
     Every EXR compression and pixel type, Radiance .hdr and floating-point TIFF. What the file says
@@ -55,6 +55,11 @@ def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
 
     Negative values are kept: published panoramas carry negative ringing next to the sun, and it
     belongs to the energy there. Average to the working size first, then clamp at 0.
+
+    Args:
+        path: the file.
+        layer: of an EXR, by the name that the error of a file with several gives; left out,
+            the one that is the light.
 
     Raises:
         OSError: there is no such file, it is a folder, or reading it is not permitted.
@@ -67,7 +72,7 @@ def read_hdr(path: Path | str) -> Float32[np.ndarray, "height width 3"]:
             expected = "linear radiance (.exr, .hdr or floating-point .tif)"
             got = f"{path} with {file.spec().format} pixels"
             raise ImageFileError(expected, got, "give an HDR image")
-        radiance = read_radiance(file, path, MAX_HDR_PIXELS)
+        radiance = read_radiance(file, path, MAX_HDR_PIXELS, layer)
         return np.ascontiguousarray(upright(radiance, orientation_of(file, path)))
 
 
@@ -84,13 +89,13 @@ def orientation_of(file: oiio.ImageInput, path: Path) -> int:
 
 
 def read_radiance(
-    file: oiio.ImageInput, path: Path, max_pixels: int
+    file: oiio.ImageInput, path: Path, max_pixels: int, layer: str | None = None
 ) -> Float32[np.ndarray, "height width 3"]:
     """Read the light of an opened file as `read_hdr` does, but for its orientation.
 
     Of an integer file the values, 1.0 the largest it can hold.
     """
-    channels = choose_layer(file, path).channels
+    channels = choose_layer(file, path, layer).channels
     spec = file.spec()
     check_size(path, spec.width, spec.height, max_pixels)
     check_size(path, spec.full_width, spec.full_height, max_pixels)

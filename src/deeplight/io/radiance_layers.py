@@ -41,14 +41,18 @@ class Layer(NamedTuple):
         return re.split(r"[./\s]", (self.name or self.part_name).lower())[-1]
 
 
-def choose_layer(file: oiio.ImageInput, path: Path) -> Layer:
+def choose_layer(file: oiio.ImageInput, path: Path, wanted: str | None = None) -> Layer:
     """Find the light in an opened file, and leave the file at its part.
 
     One layer is it; plain R, G, B before named ones; the one whose name ends in one of `PREFERRED`.
     A file without colour gives its one grey channel three times.
 
+    Args:
+        wanted: label of the layer to take instead; capital letters do not matter.
+
     Raises:
-        ImageFileError: several could be the light, deep pixels, or no colour.
+        ImageFileError: several could be the light, none is the wanted one, deep pixels, or no
+            colour.
     """
     layers: list[Layer] = []
     greys: list[Layer] = []
@@ -69,7 +73,10 @@ def choose_layer(file: oiio.ImageInput, path: Path) -> Layer:
         greys += _grey(part, part_name, found)
     if len({layer.part for layer in layers}) < 2:  # a lone part's name says nothing
         layers = [layer._replace(part_name="") for layer in layers]
-    chosen = _chosen(layers, path) or next(iter(greys), None)
+    if wanted is None:
+        chosen = _chosen(layers, path) or next(iter(greys), None)
+    else:
+        chosen = _named(wanted, layers + greys, path)
     if chosen is None:
         got = f"{path} with channels {', '.join(names[:8])}"
         raise ImageFileError("channels R, G, B or one grey channel", got, "export it as RGB")
@@ -101,6 +108,19 @@ def _grey(part: int, part_name: str, names: tuple[str, ...]) -> list[Layer]:
     ]
 
 
+def _named(wanted: str, layers: list[Layer], path: Path) -> Layer:
+    found = [layer for layer in layers if layer.label.lower() == wanted.lower()]
+    if len(found) != 1:
+        got = f"{path} with {_listed(layers)}"
+        raise ImageFileError(f"a layer {wanted!r}", got, "name one of these")
+    return found[0]
+
+
+def _listed(layers: list[Layer]) -> str:
+    labels = [layer.label for layer in layers]
+    return ", ".join(labels[:_MOST_NAMED]) + (", ..." if len(labels) > _MOST_NAMED else "")
+
+
 def _chosen(layers: list[Layer], path: Path) -> Layer | None:
     if len(layers) < 2:
         return next(iter(layers), None)
@@ -113,8 +133,6 @@ def _chosen(layers: list[Layer], path: Path) -> Layer | None:
             return candidates[0]
         if candidates:
             break
-    labels = [layer.label for layer in layers]
-    listed = ", ".join(labels[:_MOST_NAMED]) + (", ..." if len(labels) > _MOST_NAMED else "")
-    do = f"save the one that is the light alone, or named {PREFERRED[0].title()}"
+    do = "take one with `deeplight convert IN.exr --layer NAME --out light.exr`, or save it alone"
     expected = "one layer that is the light (Combined, rgba or beauty)"
-    raise ImageFileError(expected, f"{path} with several: {listed}", do)
+    raise ImageFileError(expected, f"{path} with several: {_listed(layers)}", do)
