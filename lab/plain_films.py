@@ -166,7 +166,7 @@ def turned_by(yaw: float, pitch: float, roll: float) -> np.ndarray:
 def drawn_setup(panorama: np.ndarray, turns: list[np.ndarray], rng: np.random.Generator) -> Setup:
     """Draw the camera, the rig and an exposure that suits the first frame."""
     width = int(rng.choice([480, 540, 720], p=[0.4, 0.4, 0.2]))
-    camera = PinholeCamera(width, width * 16 // 9, np.radians(rng.uniform(58, 72)))
+    camera = PinholeCamera(width, 2 * (width * 8 // 9), np.radians(rng.uniform(58, 72)))
     half_width, half_height = camera.tangents
     radius = np.radians(rng.uniform(2.0, 5.0))
     apart = min(rng.uniform(2.3, 4.0) * np.tan(radius), 0.8 * half_width)

@@ -94,7 +94,7 @@ def fuzz(
     result, findings = Result(), []
     with TemporaryDirectory() as scratch:
         good = {kind: _good(kind, Path(scratch)) for kind in kinds}
-        child = _Child(Path(scratch))
+        child = _Child(Path(scratch), kinds)
         until = time.monotonic() + seconds
         for number in range(cases):
             for kind in kinds:
@@ -122,8 +122,8 @@ def _good(kind: str, folder: Path) -> bytes:
 class _Child:
     """The process that reads; a new one after each that hung or died."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, kinds: Sequence[str]) -> None:
+        self.folder, self._kinds = folder, tuple(kinds)
         (folder / "a.mtl").write_bytes(b"newmtl a\nKd 1 0 0\nmap_Kd good.png\n")
         self._process: Any = None
         self._pipe: Any = None
@@ -183,7 +183,7 @@ class _Child:
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_read_all, args=(theirs,), daemon=True)
+        self._process = context.Process(target=_read_all, args=(theirs, self._kinds), daemon=True)
         self._process.start()
         theirs.close()
         if not self._pipe.poll(START_S):
@@ -197,10 +197,10 @@ class _Child:
             self._process = None
 
 
-def _read_all(pipe: Connection) -> None:
+def _read_all(pipe: Connection, kinds: Sequence[str]) -> None:
     begin_worker()
     _limit()
-    for kind in SEEDS:  # what readers import is no time of theirs
+    for kind in kinds:  # what readers import is no time of theirs
         for reader in readers_of(kind):
             _try(reader, Path(f"missing.{kind}"))
     pipe.send(None)

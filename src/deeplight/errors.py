@@ -13,12 +13,17 @@
 Every `InputError` says what was expected, what was found and what to do about it.
 """
 
+import re
 from typing import Self
 
 
 def _printable(text: str) -> str:
-    """A message with control characters, as damaged files have in their names, written out."""
-    return "".join(c if c.isprintable() or c in "\n\t" else ascii(c)[1:-1] for c in text)
+    """Give a message in one line, with control characters, as damaged files have them, written out.
+
+    What such a file or a library says may have several lines.
+    """
+    text = re.sub(r"\s*[\n\r\t]\s*", " ", text)
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 class DeepLightError(Exception):

@@ -13,7 +13,7 @@ from lab.fuzz.seeds import available
 
 SECONDS = 7.0
 SEED = 20785  # the same files everywhere; `make fuzz` and another --seed try others
-SLOW = ("onnx",)  # each runs in a process of its own: see tests/unit/test_trial.py
+SLOW = ("onnx", "tflite", "safetensors", "npz")  # each in a process of its own, or with torch
 
 
 def test_no_damaged_file_does_harm(tmp_path: Path) -> None:

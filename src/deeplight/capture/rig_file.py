@@ -18,12 +18,14 @@ import numpy as np
 from deeplight.capture.located import TagRig
 from deeplight.errors import DataSetError, InputError
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
 from deeplight.io.json_text import parse_json
 from deeplight.sphere import SPHERES, Rig
 
 _LARGEST_FILE = 1_000_000  # bytes; a rig file has a few hundred
 
 
+@reads_as(DataSetError)
 def read_rig_file(path: Path | str) -> Rig | TagRig:
     """The rig in a JSON file.
 

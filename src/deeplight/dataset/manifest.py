@@ -116,7 +116,7 @@ class Manifest:
         check_version(path, values)
         try:
             return cls.from_dict(values)
-        except (KeyError, TypeError, AttributeError) as error:
+        except Exception as error:  # whatever a damaged one makes of it
             raise DataSetError(f"a whole {path}", f"{error!r}", _AGAIN) from error
 
 

@@ -57,9 +57,9 @@ def from_members(key: str, members: Mapping[str, bytes]) -> Example:
         if has_lighting:
             suffix = LIGHTING
             lighting = array_of(members[suffix])
+        return Example(key, background, spheres, meta, lighting, members[BACKGROUND])
     except Exception as error:  # decoders raise errors of every kind
         raise unreadable(f"{key}.{suffix}", error) from error
-    return Example(key, background, spheres, meta, lighting, members[BACKGROUND])
 
 
 def decode_pixels(key: str, members: Mapping[str, bytes]) -> tuple[np.ndarray, np.ndarray]:

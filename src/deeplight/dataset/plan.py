@@ -123,7 +123,7 @@ class ShardPlan:
         try:
             jobs = tuple(ShardJob(**job) for job in values["shards"])
             return cls(Path(folder), jobs, values["rigs"], values["recipe"])
-        except (KeyError, TypeError) as error:
+        except Exception as error:  # whatever a damaged one makes of it
             raise DataSetError(f"a whole {path}", repr(error), "delete the folder") from error
 
     def missing(self) -> tuple[ShardJob, ...]:

@@ -83,17 +83,21 @@ class ShardIndex:
         check_version(path, values)
         try:
             return cls._from_dict(values)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except Exception as error:  # whatever a damaged one makes of it
             raise unreadable(path.name, error) from error
 
     @classmethod
     def _from_dict(cls, values: Mapping[str, Any]) -> "ShardIndex":
         keys = tuple(values["keys"])
+        columns = {name: tuple(values["columns"][name]) for name in COLUMNS}
+        for texts in (keys, *columns.values()):
+            if len(texts) != len(keys) or not all(isinstance(text, str) for text in texts):
+                raise ValueError("a column that does not name every example")
         return cls(
             ShardRecord(**values["record"]),
             values["split"],
             keys,
-            {name: tuple(values["columns"][name]) for name in COLUMNS},
+            columns,
             np.asarray(values["extents"], np.int64).reshape(len(keys), len(SUFFIXES), 2),
             tuple(Skipped(**item) for item in values["skipped"]),
             dict(values.get("rigs", {})),

@@ -18,6 +18,8 @@ from deeplight.errors import DataSetError
 from deeplight.evaluate.models import NamedModel
 from deeplight.evaluate.result import SplitResult
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
+from deeplight.io.json_text import read_json
 
 FORMAT, VERSION = "deeplight-leaderboard", 1
 METRICS = (
@@ -94,6 +96,7 @@ def update_leaderboard(
     return verified, added
 
 
+@reads_as(DataSetError)
 def read_leaderboard(path: Path) -> list[Entry]:
     """Read the entries of a leaderboard.
 
@@ -102,7 +105,7 @@ def read_leaderboard(path: Path) -> list[Entry]:
         OSError: it cannot be read.
     """
     try:
-        values: Any = json.loads(path.read_text(encoding="utf-8"))
+        values: Any = read_json(path)
         if values["format"] != FORMAT or values["version"] != VERSION:
             raise ValueError("another format or version")
         return [Entry(**entry) for entry in values["entries"]]

@@ -22,7 +22,6 @@ Where the axes are the sensor's, the picture was turned clockwise by `turned_deg
 for an upright picture and 0 for a lying one.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +32,8 @@ from jaxtyping import Float
 
 from deeplight.errors import ConfigError
 from deeplight.frames import Rotation, rotation
+from deeplight.io.boundary import reads_as
+from deeplight.io.json_text import parse_json
 
 CONVENTIONS: Mapping[str, bool] = {
     "deeplight": False,
@@ -78,6 +79,7 @@ class Poses:
         return between(self.rotations[after - 1], self.rotations[after], float(part))
 
 
+@reads_as(ConfigError)
 def read_poses(path: Path, upright: bool) -> Poses:
     """Read a pose file.
 
@@ -90,7 +92,7 @@ def read_poses(path: Path, upright: bool) -> Poses:
         ConfigError: it is no pose file, or a pose is no rotation.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_bytes(), finite=False)
     except (ValueError, RecursionError) as error:
         raise ConfigError("a pose file in JSON", f"{path}: {error}", _DO) from error
     if isinstance(content, list):

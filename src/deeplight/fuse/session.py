@@ -5,11 +5,10 @@ that looked the same way; when all places are taken the most redundant one goes.
 pictures, not a panorama, so exposures can be corrected later, when the turn closes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
@@ -20,7 +19,9 @@ from deeplight.frames import Rotation, require_rotation
 from deeplight.fuse.gains import overlaps, solve_gains, trusted
 from deeplight.fuse.merge import environment_of, log_power
 from deeplight.fuse.view import CELLS, HEIGHT, ROWS, View
+from deeplight.io.arrays_file import read_arrays
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reading
 
 MOST_VIEWS = 64
 NEAR_RAD = radians(7)
@@ -275,26 +276,35 @@ class Session:
             OSError: the file cannot be read.
             ConfigError: it holds no session of this version.
         """
-        try:
-            with np.load(path, allow_pickle=False) as state:
-                if int(state["version"]) != _VERSION:
-                    raise ValueError("another version")
-                session = cls(float(state["vertical_fov_rad"]), estimate, int(state["most_views"]))
-                exposures, rotations = state["exposures"], state["rotations"]
-                for k, own in enumerate(state["estimates"]):
-                    turn, (exposure, number, fov) = rotations[k], exposures[k]
-                    pixels = state[f"pixels_{k}"]
-                    view = View(pixels, turn, float(fov), own, float(exposure), int(number))
-                    session._views.append(view)
-                    session._compare(k)
-                session._first_turn = state["first_turn"]
-                session._unit = state["unit"]
-                session._count, session._strange = (int(n) for n in state["count"])
-        except (KeyError, ValueError, TypeError, EOFError, BadZipFile) as error:
-            got = f"{path}: {error}"
-            raise ConfigError("a session saved by deeplight", got, "begin a new one") from error
-        if session._views:
-            session._solve()
+        with reading(path, ConfigError), np.errstate(all="ignore"):
+            try:
+                session = cls._restored(read_arrays(path), estimate)
+            except (KeyError, ValueError, TypeError) as error:
+                got = f"{path}: {error}"
+                raise ConfigError("a session saved by deeplight", got, "begin a new one") from error
+            if session._views:
+                session._solve()
+            return session
+
+    @classmethod
+    def _restored(cls, state: Mapping[str, np.ndarray], estimate: Estimate) -> "Session":
+        if int(state["version"]) != _VERSION:
+            raise ValueError("a session of another version")
+        session = cls(float(state["vertical_fov_rad"]), estimate, int(state["most_views"]))
+        exposures, rotations = state["exposures"], state["rotations"]
+        if len(state["estimates"]) > MOST_VIEWS + 1:
+            raise ValueError("more views than a session keeps")
+        for k, own in enumerate(state["estimates"]):
+            turn, (exposure, number, fov) = rotations[k], exposures[k]
+            pixels = state[f"pixels_{k}"]
+            if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3:
+                raise ValueError(f"view {k} is no picture")
+            view = View(pixels, turn, float(fov), own, float(exposure), int(number))
+            session._views.append(view)
+            session._compare(k)
+        session._first_turn = state["first_turn"]
+        session._unit = state["unit"]
+        session._count, session._strange = (int(n) for n in state["count"])
         return session
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from deeplight.errors import DataSetError, InputError
 from deeplight.io.arrays_file import read_arrays
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
 from deeplight.io.json_text import parse_json
 from deeplight.reflectance import ReflectanceBasis, rig_bases
 from deeplight.sphere import Rig, SphereView
@@ -40,6 +41,7 @@ def save_bases(
         np.savez_compressed(file, **arrays)
 
 
+@reads_as(DataSetError)
 def load_bases(
     path: Path | str, rig: Rig | None = None, light_size: int | None = None
 ) -> dict[str, ReflectanceBasis]:

@@ -45,19 +45,31 @@ def reading(path: Path | str, error: type[InputError] = ImageFileError) -> Itera
         raise unreadable(path, cause, error) from cause
 
 
-def reads(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+def reads_as(
+    error: type[InputError],
+) -> Callable[[Callable[_Arguments, _Result]], Callable[_Arguments, _Result]]:
     """Put `reading` around a function whose first argument is the file's path.
 
     Libraries' warnings about the file are left out: what counts becomes an error or a note.
+
+    Args:
+        error: what a file that cannot be read becomes.
     """
 
-    @wraps(function)
-    def bounded(*args: _Arguments.args, **options: _Arguments.kwargs) -> _Result:
-        path = str(args[0] if args else options["path"])
-        with reading(path), warnings.catch_warnings(action="ignore"):
-            return function(*args, **options)
+    def bound(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+        @wraps(function)
+        def bounded(*args: _Arguments.args, **options: _Arguments.kwargs) -> _Result:
+            path = str(args[0] if args else options["path"])
+            with reading(path, error), warnings.catch_warnings(action="ignore"):
+                return function(*args, **options)
 
-    return bounded
+        return bounded
+
+    return bound
+
+
+reads = reads_as(ImageFileError)
+"""The same for pictures and light."""
 
 
 def unreadable(

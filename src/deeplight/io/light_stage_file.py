@@ -24,6 +24,7 @@ from jaxtyping import Float
 from deeplight.errors import DataSetError
 from deeplight.frames import normalised
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
 from deeplight.io.json_text import read_json
 
 LIGHTS_JSON, LIGHTS_CSV, CAMERA_JSON = "lights.json", "lights.csv", "camera.json"
@@ -66,6 +67,7 @@ class StageCamera:
     sphere_radius_m: float | None = None
 
 
+@reads_as(DataSetError)
 def read_lights(path: Path) -> StageLights:
     """The lights of a .json or .csv file.
 

@@ -5,8 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from deeplight.errors import DataSetError
+from deeplight.io.boundary import reads_as
 
 
+@reads_as(DataSetError)
 def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     """Give every row by column name; other columns than `columns` may be there, or be empty.
 

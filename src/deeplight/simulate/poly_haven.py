@@ -25,6 +25,7 @@ from urllib.parse import urlsplit
 
 from deeplight.errors import ConfigError, DownloadError
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
 from deeplight.io.json_text import parse_json
 from deeplight.simulate.panorama import MANIFEST, split_drawn_for
 
@@ -211,6 +212,7 @@ def rows_of(slugs: Sequence[str]) -> list[PanoramaRow]:
     ]
 
 
+@reads_as(DataSetError)
 def rows_in(manifest: Path) -> list[PanoramaRow]:
     """What to fetch, from a CSV with a column `slug`, or `file` named by it; the rest is kept.
 

@@ -1,6 +1,5 @@
 """Read people's answers, and leave out those of people who did not look."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from deeplight.errors import DataSetError
+from deeplight.io.boundary import reads_as
+from deeplight.io.json_text import parse_json
 from deeplight.study.design import KEY, VERSION
 
 LEAST_CAUGHT = 0.8
@@ -76,8 +77,9 @@ class Key:
         try:
             if values["format"] != "deeplight-study-key" or values["version"] != VERSION:
                 raise KeyError("format")
-            return cls(values["study"], values["question"], values["conditions"], values["scenes"])
-        except (KeyError, TypeError) as error:
+            tables = dict(values["conditions"]), dict(values["scenes"])
+            return cls(str(values["study"]), str(values["question"]), *tables)
+        except (KeyError, TypeError, ValueError) as error:
             do = "give the folder that `deeplight study make` wrote"
             raise DataSetError(f"the key of a study in {path}", f"{error!r}", do) from None
 
@@ -130,6 +132,7 @@ def _files(paths: Iterable[Path]) -> list[Path]:
     return found
 
 
+@reads_as(DataSetError)
 def _person(path: Path, key: Key) -> Person:
     values = _json(path)
     if not isinstance(values, dict) or values.get("format") != "deeplight-study-answers":
@@ -164,7 +167,7 @@ def _json(path: Path) -> Any:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise _broken(path, "far too much in it")
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_json(path.read_bytes())
     except (ValueError, RecursionError) as error:
         raise _broken(path, f"{error}") from None
 

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from deeplight.errors import ConfigError, ModelError
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
 from deeplight.io.json_text import parse_json
 from deeplight.training.config import TrainConfig, differences
 
@@ -67,6 +68,7 @@ def save(path: Path, header: Header, **states: dict[str, Tensor]) -> None:
             raise OSError(f"cannot write {path}: {error}") from error
 
 
+@reads_as(ModelError)
 def load(path: Path) -> tuple[Header, dict[str, dict[str, Tensor]]]:
     """The header and the groups of tensors of a checkpoint.
 
@@ -85,6 +87,7 @@ def load(path: Path) -> tuple[Header, dict[str, dict[str, Tensor]]]:
     return header, groups
 
 
+@reads_as(ModelError)
 def read_header(path: Path) -> Header:
     """The header alone, without the tensors.
 

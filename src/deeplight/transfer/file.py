@@ -11,6 +11,7 @@ import numpy as np
 
 from deeplight.errors import ImageFileError
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
 from deeplight.transfer.clusters import Clusters
 from deeplight.transfer.ground import MIDDLE_STEP, MOST_POINTS, Ground
 from deeplight.transfer.mesh import MAX_VERTICES
@@ -85,6 +86,7 @@ def write(path: Path | str, transfer: Transfer) -> None:
         temporary.write_bytes(content)
 
 
+@reads_as(ImageFileError)
 def read(path: Path | str) -> Transfer:
     """Read a transfer.
 

@@ -18,6 +18,7 @@ from deeplight.errors import ConfigError, ModelError
 from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
 from deeplight.evaluate.rivals.crops import Pair, Views
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
 from deeplight.mappings import resample
 
 Name = Literal["gardner_2017", "hold_geoffroy_2017"]
@@ -115,6 +116,7 @@ class Rival:
             save_file(weights, temporary, {"rival": json.dumps(header)})
 
 
+@reads_as(ModelError)
 def load_rival(path: Path) -> Rival:
     """Read a file that `Rival.save` wrote.
 
