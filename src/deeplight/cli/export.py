@@ -18,7 +18,11 @@ import tyro
 class Args:
     """Options of `deeplight export`."""
 
-    models: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="MODEL...")]
+    models: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="MODEL...", help_behavior_hint="(one or more)"),
+    ]
     """Folder of a training run, a best.safetensors, or an .onnx of deeplight. Several become one
     .onnx that answers with the mean of their light and the lamps they agree on."""
     out: Path
