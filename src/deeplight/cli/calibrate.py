@@ -18,7 +18,11 @@ import tyro
 class Args:
     """Options of `deeplight calibrate`."""
 
-    clips: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CLIP...")]
+    clips: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="CLIP...", help_behavior_hint="(one or more)"),
+    ]
     """Videos of the filmed spheres, folders of videos, or data sets of `deeplight capture`."""
     out: Path
     """The .onnx to write."""
