@@ -43,7 +43,7 @@ class Args:
     flips: bool = False
     """Answer the mirrored photo as well, in the same file, and take the mean: twice the work, and
     a photo and its mirror image have mirrored light."""
-    shares: tuple[float, ...] = ()
+    shares: Annotated[tuple[float, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Of each of several networks in the mean; left out, all alike."""
 
 
