@@ -57,7 +57,7 @@ def write_dng(
     mosaic[1::2, 1::2] = sensor[1::2, 1::2, 2]
     values = np.round(BLACK + mosaic * (WHITE - BLACK)).astype("<u2").tobytes()
     camera = _camera(balance, stops, orientation)
-    raw = _mosaic(*scene.shape[:2], len(values))
+    raw = _mosaic(len(scene), len(scene[0]), len(values))
     exif = _folder({37386: ("r", (5.0,)), 41989: ("H", (26,))}, 8 + len(values))
     camera[34665] = ("I", (8 + len(values),))
     first = 8 + len(values) + len(exif)

@@ -177,7 +177,7 @@ def _answers(path: Path) -> None:
     from deeplight.study.analyse import analyse
     from deeplight.study.answers import Key, checked, read_people
 
-    key = Key(KEY["study"], KEY["question"], KEY["conditions"], KEY["scenes"])
+    key = Key(*(KEY[name] for name in ("study", "question", "conditions", "scenes")))
     analyse([checked(person) for person in read_people([path], key)], key)
 
 

@@ -62,7 +62,7 @@ def _container(codec: str, **options: str) -> Callable[[Path], None]:
         import av
 
         with av.open(str(path), "w") as file:
-            stream = file.add_stream(codec, rate=30)
+            stream: Any = file.add_stream(codec, rate=30)
             stream.width = stream.height = 64
             stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
             stream.options = options
@@ -94,7 +94,7 @@ def _panorama_photo(path: Path) -> None:
 def _float_tif(path: Path) -> None:
     import OpenImageIO as oiio
 
-    file = oiio.ImageOutput.create(str(path))
+    file: Any = oiio.ImageOutput.create(str(path))
     file.open(str(path), oiio.ImageSpec(64, 32, 3, "float"))
     file.write_image(PANORAMA)
     file.close()
@@ -106,7 +106,7 @@ def _layers(path: Path) -> None:
     names = [f"ViewLayer.{layer}.{c}" for layer in ("Combined", "DiffCol") for c in "RGB"]
     spec = oiio.ImageSpec(64, 32, 6, "half")
     spec.channelnames = names
-    file = oiio.ImageOutput.create(str(path))
+    file: Any = oiio.ImageOutput.create(str(path))
     file.open(str(path), spec)
     file.write_image(np.concatenate([PANORAMA, PANORAMA], axis=-1))
     file.close()

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -109,7 +110,7 @@ POSES = {
         {"time_s": 0.2, "rotation": np.eye(3).tolist()},
     ],
 }
-KEY = {
+KEY: dict[str, Any] = {
     "format": "deeplight-study-key", "version": 1, "study": "a", "question": "which?",
     "conditions": {"x": "one", "y": "two"}, "scenes": {"s": "scene"},
 }  # fmt: skip

@@ -212,7 +212,7 @@ def rows_of(slugs: Sequence[str]) -> list[PanoramaRow]:
     ]
 
 
-@reads_as(DataSetError)
+@reads_as(ConfigError)
 def rows_in(manifest: Path) -> list[PanoramaRow]:
     """What to fetch, from a CSV with a column `slug`, or `file` named by it; the rest is kept.
 
