@@ -30,6 +30,9 @@ class Lighting:
         radiance: linear, relative to the camera's white: 1.0 is where a pixel of the photo
             just saturates. Finite and not negative; pixels off the disc mean nothing.
             Read-only.
+
+    >>> deeplight.Lighting(np.ones((32, 32, 3), np.float32))
+    Lighting(32 x 32 ball, mean radiance [1.0, 1.0, 1.0])
     """
 
     radiance: Float[np.ndarray, "size size 3"]

@@ -51,7 +51,6 @@ def light_from_spheres(
     Raises:
         InputError: one of the two is missing or no square picture.
 
-    >>> import numpy as np
     >>> white = deeplight.Lighting(np.full((32, 32, 3), 0.5, np.float32))
     >>> camera = deeplight.CameraResponse()
     >>> filmed = {name: np.rint(255 * camera.pixel_from_radiance(radiance)).astype(np.uint8)

@@ -43,7 +43,6 @@ def estimate(
         InputError: the photo cannot be used, or the model is missing.
         OSError: the file cannot be read.
 
-    >>> import numpy as np
     >>> grey = np.full((240, 180, 3), 128, np.uint8)
     >>> environment = deeplight.estimate(grey, fov_deg=66)
     >>> environment.radiance.shape, environment.unit

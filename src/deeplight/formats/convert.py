@@ -39,6 +39,12 @@ def convert(
     Raises:
         InputError: the light or the output cannot be had.
         OSError: a file cannot be read or written.
+
+    >>> white = deeplight.Environment(np.ones((64, 128, 3), np.float32))
+    >>> deeplight.convert(white, "white.exr")
+    [PosixPath('white.exr')]
+    >>> deeplight.read_environment("white.exr")
+    Environment(128 x 64, camera frame, unit camera_white)
     """
     wish = FileSpec(Path(out), format, mapping, made_for, size)
     return write_environment(_environment(light, wish).edited(edit or Edit()), wish)
