@@ -135,8 +135,11 @@ def write_shard(
                     tally.rigs[item.name] = item.to_dict()
                     continue
                 tally.add(item)
+                extents = np.zeros((len(SUFFIXES), 2), np.int64)
                 for suffix, content in to_members(item, jpeg_quality).items():
-                    _append(tar, f"{item.key}.{suffix}", content)
+                    begin = _append(tar, f"{item.key}.{suffix}", content)
+                    extents[SUFFIXES.index(suffix)] = begin, len(content)
+                tally.extents.append(extents)
         index = tally.index(path.name, temporary)
     index.save(index_path(path))
     return index
@@ -168,6 +171,7 @@ class _Tally:
         self.licences: Counter[str] = Counter()
         self.skipped: list[Skipped] = []
         self.rigs: dict[str, Mapping[str, Any]] = {}
+        self.extents: list[np.ndarray] = []
 
     def add(self, example: Example) -> None:
         if example.meta.split != self.split:
@@ -194,12 +198,16 @@ class _Tally:
             dict(sorted(self.licences.items())),
         )
         columns = {column: tuple(values.values()) for column, values in self.columns.items()}
+        extents = np.array(self.extents, np.int64).reshape(len(keys), len(SUFFIXES), 2)
         return ShardIndex(
-            record, self.split, keys, columns, extents_in(tar, keys), tuple(self.skipped), self.rigs
+            record, self.split, keys, columns, extents, tuple(self.skipped), self.rigs
         )
 
 
-def _append(tar: tarfile.TarFile, name: str, content: bytes) -> None:
+def _append(tar: tarfile.TarFile, name: str, content: bytes) -> int:
+    """Add a member; gives where its content begins, after a header of one block."""
     member = tarfile.TarInfo(name)  # its defaults: time 0, owner 0, no owner's name, mode 644
     member.size = len(content)
+    begin = tar.offset + tarfile.BLOCKSIZE
     tar.addfile(member, io.BytesIO(content))
+    return begin

@@ -314,8 +314,12 @@ def _rim(view: SphereView) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _with_noise(
     linear: Float32[np.ndarray, "height width 3"], variance: float, rng: np.random.Generator
 ) -> Float32[np.ndarray, "height width 3"]:
-    deviation = np.sqrt(np.float32(variance) * np.clip(linear, 0.01, 1))
-    return linear + rng.standard_normal(linear.shape, np.float32) * deviation
+    deviation = np.clip(linear, 0.01, 1)
+    deviation *= np.float32(variance)
+    noise = rng.standard_normal(linear.shape, np.float32)
+    noise *= np.sqrt(deviation, out=deviation)
+    noise += linear
+    return noise
 
 
 def drawn_height(rng: np.random.Generator) -> float:

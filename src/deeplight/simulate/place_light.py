@@ -142,9 +142,18 @@ def _looked_up(wrapped: np.ndarray, directions: Directions) -> Float32[np.ndarra
     )
     texels, first = wrapped.reshape(-1, 3), top * columns + left
     upper, lower = (
-        (1 - right) * texels.take(first + step, axis=0)
-        + right * texels.take(first + step + 1, axis=0)
+        _mixed(texels.take(first + step, axis=0), texels.take(first + step + 1, axis=0), right)
         for step in (0, columns)
     )
-    result: np.ndarray = upper + down * (lower - upper)
-    return result
+    lower -= upper
+    lower *= down
+    upper += lower
+    return upper
+
+
+def _mixed(left: np.ndarray, right: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """(1 - share) of `left` and `share` of `right`; both are used up."""
+    left *= 1 - share
+    right *= share
+    left += right
+    return left
