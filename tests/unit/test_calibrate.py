@@ -78,6 +78,26 @@ def test_brightness_and_colour_are_believed_apart():
     assert GRID[len(GRID) // 2] == pytest.approx(0, abs=1e-6)
 
 
+@pytest.fixture(scope="module")
+def flipped(tmp_path_factory, root):
+    """A model that uses each of its layers twice."""
+    pytest.importorskip("torch")
+    shipped = root / "src" / "deeplight" / "weights" / "deeplight.onnx"
+    out = tmp_path_factory.mktemp("flipped") / "both.onnx"
+    assert main(["export", str(shipped), "--flips", "--out", str(out)]) == 0
+    return out
+
+
+def test_a_model_that_uses_its_layers_twice_is_moved_once(flipped, tmp_path):
+    out = tmp_path / "mine.onnx"
+    write_with_gains(flipped, out, tuple(TRUE_GAINS), "")
+    inputs = np.random.default_rng(0).uniform(-0.5, 0.5, (1, 3, 192, 135)).astype(np.float32)
+    before, after = (OnnxEstimator(path).estimate_with_lamps(inputs) for path in (flipped, out))
+    # Lamps agree by luminance, which the gains' colour changes a little.
+    np.testing.assert_allclose(after[0], before[0] + TRUE_GAINS, atol=0.01)
+    assert len(after[1][0]) == len(before[1][0])
+
+
 def test_the_model_gives_the_same_light_times_the_gains(root, tmp_path):
     """Lamps included; nothing else moves; and its network is read back with them."""
     shipped = root / "src" / "deeplight" / "weights" / "deeplight.onnx"

@@ -40,11 +40,11 @@ def write_with_gains(model: Path, out: Path, log_gains: Sequence[float], note: s
     if entry is None or not any(node.input[1].endswith(MAP) for node in layers):
         do = "give one that `deeplight export` wrote"
         raise ModelError("an .onnx of deeplight", f"another network in {model}", do)
-    for node in layers:
+    for weight in dict.fromkeys(node.input[1] for node in layers):
         shift = np.asarray(log_gains, np.float32)
-        if node.input[1].endswith(LAMPS):
+        if weight.endswith(LAMPS):
             shift = np.pad(shift, (FLUX.start, LAMP_NUMBERS - FLUX.stop))
-        _add_to_bias(graph, node, shift)
+        _add_to_bias(graph, [node for node in layers if node.input[1] == weight], shift)
     contract = ModelContract.from_json(entry.value)
     told = "; ".join(part for part in (contract.trained_on, note) if part)
     entry.value = replace(contract, trained_on=told).to_json()
@@ -57,9 +57,14 @@ def _is_last(node: NodeProto) -> bool:
     return node.op_type in ("Conv", "Gemm") and node.input[1].endswith((MAP, LAMPS))
 
 
-def _add_to_bias(model: ModelProto, node: NodeProto, shift: np.ndarray) -> None:
-    """Add `shift`, repeated, to a layer's bias, under the name that `load_network` looks for."""
-    graph, name = model.graph, f"{node.input[1].removesuffix('weight')}bias"
+def _add_to_bias(model: ModelProto, nodes: Sequence[NodeProto], shift: np.ndarray) -> None:
+    """Add `shift`, repeated, to a layer's bias, under the name that `load_network` looks for.
+
+    Args:
+        nodes: all uses of the layer: a network that looks at the mirrored photo too has two.
+    """
+    graph, node = model.graph, nodes[0]
+    name = f"{node.input[1].removesuffix('weight')}bias"
     stored = {tensor.name: tensor for tensor in graph.initializer}
     sizes = {t.name.removesuffix(".float16"): list(t.dims) for t in graph.initializer}
     old = stored.get(node.input[2]) if len(node.input) > 2 else None
@@ -71,8 +76,9 @@ def _add_to_bias(model: ModelProto, node: NodeProto, shift: np.ndarray) -> None:
         _rename(model, name, f"{name}.before")
     values = bias.astype(np.float32) + np.tile(shift, outputs // len(shift))
     graph.initializer.append(numpy_helper.from_array(values, name))
-    del node.input[2:]
-    node.input.append(name)
+    for node in nodes:
+        del node.input[2:]
+        node.input.append(name)
     used = {word for other in graph.node for word in other.input}
     unused = [tensor for tensor in graph.initializer if tensor.name not in used]
     for tensor in unused:
