@@ -17,7 +17,7 @@ class Args:
     """Files and where the mean goes."""
 
     parts: tuple[tuple[Path, float], ...]
-    """best.safetensors files, each with its share."""
+    """best.safetensors files or exported .onnx, each with its share."""
     out: Path
     """The mean; `deeplight export` takes it."""
 

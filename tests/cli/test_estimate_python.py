@@ -102,14 +102,14 @@ def test_a_damaged_picture_from_pillow_is_refused(estimator: OnnxEstimator, tmp_
 def test_wrong_model_files_are_reported_in_one_line(tmp_path: Path):
     (tmp_path / "text.onnx").write_text("no model")
     write_tiny_model(tmp_path / "bare.onnx", contract_json=None)
-    newer = ModelContract().to_json().replace('"version": 2', '"version": 3')
+    newer = ModelContract().to_json().replace('"version": 3', '"version": 4')
     write_tiny_model(tmp_path / "newer.onnx", newer)
     write_tiny_model(tmp_path / "lies.onnx", ModelContract().to_json(), light_size=16)
     for name, message in {
         "missing.onnx": "no file",
         "text.onnx": "cannot load",
         "bare.onnx": "exported by deeplight",
-        "newer.onnx": "version 3",
+        "newer.onnx": "version 4",
         "lies.onnx": "keeps its own contract",
         "": "a folder",
     }.items():

@@ -65,6 +65,7 @@ def constants() -> dict[str, Any]:
         "CONTRACT": asdict(ModelContract()),
         "SERVED": dict(contract.SERVED),
         "SINCE_VERSION_2": dict(contract.SINCE_VERSION_2),
+        "SINCE_VERSION_3": dict(contract.SINCE_VERSION_3),
         "LIGHTING_SIZE": LIGHTING_SIZE,
         "CROP_SIZE": CROP_SIZE,
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from deeplight.contract import SINCE_VERSION_2, ModelContract
+from deeplight.contract import SINCE_VERSION_2, SINCE_VERSION_3, ModelContract
 from deeplight.errors import ModelError
 
 
@@ -27,11 +27,26 @@ def test_the_defaults_are_the_papers_camera() -> None:
 
 def test_version_1_is_this_one_without_lamps() -> None:
     old = json.loads(ModelContract().to_json()) | {"version": 1}
-    for name in SINCE_VERSION_2:
+    for name in (*SINCE_VERSION_2, *SINCE_VERSION_3):
         del old[name]
     assert ModelContract.from_json(json.dumps(old)) == ModelContract()
     with pytest.raises(ModelError, match="lamps"):  # only version 1 may lack them
         ModelContract.from_json(json.dumps(old | {"version": 2}))
+
+
+def test_version_2_is_this_one_without_heads() -> None:
+    lamps = ModelContract(lamps=3, brightness=0.9)
+    old = json.loads(lamps.to_json()) | {"version": 2}
+    for name in SINCE_VERSION_3:
+        del old[name]
+    assert ModelContract.from_json(json.dumps(old)) == lamps
+    with pytest.raises(ModelError, match="heads"):
+        ModelContract.from_json(json.dumps(old | {"version": 3}))
+
+
+def test_names_of_heads_come_back_as_they_were() -> None:
+    contract = ModelContract(heads=("pitch_rad", "upright_90"))
+    assert ModelContract.from_json(contract.to_json()) == contract
 
 
 def entries(**changed: object) -> str:
@@ -51,6 +66,8 @@ def entries(**changed: object) -> str:
         (entries(width=0), "width"),
         (entries(lamps=-1), "lamps"),
         (entries(brightness=2.0), "brightness"),
+        (entries(heads=["pitch_rad"] * 65), "heads"),
+        (entries(heads=3), "names"),
         (entries(background_fraction=1.5), "background_fraction"),
         (entries(output_mapping="angular map"), "output_mapping"),
         (entries(output_quantity="radiance"), "ln radiance"),

@@ -158,3 +158,36 @@ def test_a_network_without_lamps_becomes_one_with_lamps() -> None:
     _, lamps = student.light(even)
     assert lamps is not None
     assert (lamps[..., 1] > 0).all()  # they start above the horizon
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_features_read_both_ways_give_mirrored_light(mirrored: bool) -> None:
+    one = network(replace(SMALL, mirrored=mirrored, colour=False))
+    seen = torch.rand(2, *one.features(photos()).shape[1:])
+    even = torch.zeros(2, 3, 192, 135)  # whose brightness is its mirror image's
+    one.features = lambda _: seen  # type: ignore[method-assign]
+    light, lamps = one.light(even)
+    one.features = lambda _: seen.flip(-1)  # type: ignore[method-assign]
+    other, others = one.light(even)
+    assert lamps is not None
+    assert others is not None
+    image = others.flip(1)
+    image[..., 0] *= -1
+    assert torch.allclose(other.flip(-1), light, atol=1e-4) == mirrored
+    assert torch.allclose(image, lamps, atol=1e-4) == mirrored
+
+
+@torch.no_grad()
+def test_a_network_that_reads_both_ways_keeps_it_in_its_file(tmp_path: Path) -> None:
+    config = replace(SMALL, mirrored=True)
+    contract = replace(CONTRACT, mirrored=True)
+    export_onnx(network(config), contract, tmp_path / "both.onnx", float16=False)
+    expected, lamps = network(config).light(photos())
+    found, given = OnnxEstimator(tmp_path / "both.onnx").run_with_lamps(photos().numpy())
+    np.testing.assert_allclose(found, expected, atol=5e-3, rtol=0)
+    np.testing.assert_allclose(given, lamps, atol=5e-3, rtol=0)
+    again, kept = load_network(tmp_path / "both.onnx")
+    assert again.mirrored
+    assert kept == contract
+    assert (network()(photos()) - expected).abs().max() > 1e-2  # the twin: read one way

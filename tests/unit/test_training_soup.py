@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from deeplight.deploy.onnx import export_onnx
 from deeplight.errors import ModelError
 from deeplight.training import checkpoint
 from deeplight.training.config import TrainConfig, flatten
@@ -89,3 +90,18 @@ def test_another_network_and_no_share_are_refused(tmp_path: Path) -> None:
         with pytest.raises(ModelError):
             average_weights(parts, tmp_path / "soup.safetensors")
     assert not (tmp_path / "soup.safetensors").exists()
+
+
+@torch.no_grad()
+def test_an_exported_network_can_be_a_part(tmp_path: Path) -> None:
+    a, b = saved(tmp_path / "a.safetensors", 1), saved(tmp_path / "b.safetensors", 2)
+    first, contract = load_network(a)
+    export_onnx(first, contract, tmp_path / "a.onnx", float16=False)
+    average_weights([(tmp_path / "a.onnx", 1.0), (b, 3.0)], tmp_path / "soup.safetensors")
+    soup, _ = load_network(tmp_path / "soup.safetensors")
+    second, _ = load_network(b)
+    for name, value in soup.state_dict().items():
+        expected = 0.25 * first.state_dict()[name] + 0.75 * second.state_dict()[name]
+        torch.testing.assert_close(value, expected, rtol=1e-4, atol=1e-5)
+    with pytest.raises(ModelError, match="exported files only"):
+        average_weights([(tmp_path / "a.onnx", 1.0)], tmp_path / "other.safetensors")

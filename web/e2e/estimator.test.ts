@@ -131,7 +131,7 @@ function call<K extends keyof Harness>(
 /** Answers for model files that are not there: damaged, of another version, a web page. */
 async function serveModels(target: Page): Promise<void> {
   const old = Buffer.from(model);
-  old.write('"version": 9,', old.indexOf('"version": 2,'));
+  old.write('"version": 9,', old.indexOf('"version": 3,'));
   const bodies: Record<string, Buffer> = {
     "plain.onnx": Buffer.from(model),
     "cut.onnx": Buffer.from(model).subarray(0, 2_000_000),

@@ -45,6 +45,11 @@ class Args:
     a photo and its mirror image have mirrored light."""
     shares: Annotated[tuple[float, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Of each of several networks in the mean; left out, all alike."""
+    heads: tuple[str, ...] = ()
+    """Data sets whose photos teach the trained network to say what camera took a photo and how sure
+    its light is; their validation places set how sure. Some minutes."""
+    lamp_gain: float = 0.0
+    """ln of what the lamps' flux is multiplied by; choose it on validation places."""
 
 
 def run(args: Args) -> None:
@@ -68,6 +73,8 @@ def run(args: Args) -> None:
             args.without_colour,
             args.flips,
             args.shares,
+            args.heads,
+            args.lamp_gain,
         )
     size = args.out.stat().st_size / 1e6
     console.print(

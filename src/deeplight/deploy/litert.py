@@ -52,7 +52,7 @@ def export_litert(
     if precision == "int8" and contract.lamps:
         expected = "float32, float16 or int8-weights for a network with lamps"
         raise ConfigError(expected, precision, "8 bits are too few for a lamp's direction")
-    network, contract = copy.deepcopy(generator).eval(), replace(contract, lamps=0)
+    network, contract = copy.deepcopy(generator).eval(), replace(contract, lamps=0, heads=())
     if precision.startswith("int8"):
         if photos is None or len(photos) < LEAST_PHOTOS:
             got = "none" if photos is None else f"{len(photos)}"

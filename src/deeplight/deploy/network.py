@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float32
 
-from deeplight.contract import ModelContract
+from deeplight.contract import HEADS, ModelContract
 from deeplight.deploy.precision import Precision
 from deeplight.errors import ConfigError, ModelError
 
@@ -29,6 +29,8 @@ def write_network(
     without_colour: bool = False,
     flips: bool = False,
     shares: Sequence[float] = (),
+    heads: Sequence[str] = (),
+    lamp_gain: float = 0.0,
 ) -> ModelContract:
     """Write a trained network to `out`; gives the contract in the file.
 
@@ -44,6 +46,10 @@ def write_network(
         without_colour: leave out what a run learnt of the photo's colour (`network.colour`).
         flips: answer the mirrored photo too and take the mean, at twice the cost (ONNX only).
         shares: of each network in the mean; left out, all alike.
+        heads: data sets whose photos teach the network to say what camera took a photo and how
+            sure its light is (`training.heads`), after it has been trained.
+        lamp_gain: ln of what the lamps' flux is multiplied by: on new places a network makes them
+            fainter than they are. To be chosen on validation places.
 
     Raises:
         InputError: the model, the settings or the data set cannot be used.
@@ -54,6 +60,8 @@ def write_network(
         do = "write .onnx, or train one network that answers as they do (distil.teacher)"
         raise ConfigError("one network, without --flips, for TFLite", f"{len(models)}", do)
     generator, contract = _loaded(models, flips, shares, trained_on, without_colour)
+    if lamp_gain or heads:
+        contract = _refined(generator, contract, lamp_gain, heads)
     if form == "onnx":
         from deeplight.deploy.onnx import export_onnx
 
@@ -99,9 +107,28 @@ def _loaded(
     contract = replace(
         contract,
         lamps=both * sum(other.lamps for _, other in networks),
+        mirrored=False,
+        heads=(),
         trained_on=f"mean of {len(networks)}{', flipped too' * flips}: {parts}",
     )
     return Average([generator for generator, _ in networks], flips, shares), contract
+
+
+def _refined(
+    generator: "nn.Module", contract: ModelContract, lamp_gain: float, heads: Sequence[str]
+) -> ModelContract:
+    """Change one network after its training as `write_network` says; gives its contract."""
+    from deeplight.training.heads import teach
+    from deeplight.training.network.generator import Generator
+
+    if not isinstance(generator, Generator):
+        raise ConfigError("one network for --heads and --lamp-gain", "a mean", "leave them out")
+    if lamp_gain and generator.lamps is not None:
+        generator.lamps.brighten(lamp_gain)
+    if heads:
+        generator.heads, _ = teach(generator, heads)
+        contract = replace(contract, heads=HEADS)
+    return contract
 
 
 def _view(contract: ModelContract) -> tuple[Any, ...]:

@@ -56,30 +56,34 @@ def write_model(model: ModelProto, contract: ModelContract, path: Path, float16:
         onnx.save(model, str(temporary))
 
 
-class WithLamps(nn.Module):
-    """A network with its lamps as a second output, every weight under its own name."""
+class WithMore(nn.Module):
+    """A network with its lamps and heads as further outputs, every weight under its own name."""
 
-    def __init__(self, network: nn.Module) -> None:
+    def __init__(self, network: nn.Module, heads: bool) -> None:
         super().__init__()
         self._modules = network._modules
-        self.light: Callable[[Tensor], tuple[Tensor, Tensor]] = network.light  # type: ignore[assignment]
+        outputs = network.everything if heads else network.light
+        self.outputs: Callable[[Tensor], tuple[Tensor | None, ...]] = outputs  # type: ignore[assignment]
 
-    def forward(self, photo: Tensor) -> tuple[Tensor, Tensor]:
-        return self.light(photo)
+    def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
+        return tuple(output for output in self.outputs(photo) if output is not None)
 
 
 def traced(generator: nn.Module, contract: ModelContract) -> ModelProto:
     """The network's graph for any batch size."""
     photo = torch.zeros(2, 3, contract.height, contract.width)
     photo = photo.to(next(generator.parameters()).device)
+    names = [contract.output_name]
+    names += [contract.lamps_name] * bool(contract.lamps)
+    names += [contract.heads_name] * bool(contract.heads)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with ready_to_trace(generator), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # notes of the exporter about its own future
         program = torch.onnx.export(
-            WithLamps(generator) if contract.lamps else generator,
+            WithMore(generator, bool(contract.heads)) if len(names) > 1 else generator,
             (photo,),
             input_names=[contract.input_name],
-            output_names=[contract.output_name, *[contract.lamps_name] * bool(contract.lamps)],
+            output_names=names,
             dynamic_shapes=({0: torch.export.Dim("batch")},),
             opset_version=OPSET,
             dynamo=True,

@@ -5,7 +5,7 @@ import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import degrees, radians
 from pathlib import Path
@@ -54,6 +54,8 @@ class Estimate:
     notes: tuple[str, ...]
     seconds: Mapping[str, float]
     lamps: tuple[Lamp, ...] = ()
+    heads: Mapping[str, float] = field(default_factory=dict)
+    """What the network says of the camera and of how sure it is (`contract.HEADS`), by name."""
 
 
 class NetworkEstimator(ABC):
@@ -120,13 +122,17 @@ class NetworkEstimator(ABC):
             [network_input(p.pixels, f) for p, f in zip(opened, framings, strict=True)]
         )
         prepared = time.perf_counter()
-        log_radiance, lamps = self.estimate_with_lamps(inputs)
+        log_radiance, lamps, heads = self.estimate_fully(inputs)
         done = time.perf_counter()
         whole = {"read": read - started, "prepare": prepared - read, "network": done - prepared}
         seconds = {name: value / len(opened) for name, value in whole.items()}
         return [
-            Estimate(Lighting.from_log_radiance(q), photo, f, photo.notes + _notes(f), seconds, own)
-            for q, photo, f, own in zip(log_radiance, opened, framings, lamps, strict=True)
+            Estimate(
+                Lighting.from_log_radiance(q), photo, f, photo.notes + _notes(f), seconds, own, said
+            )
+            for q, photo, f, own, said in zip(
+                log_radiance, opened, framings, lamps, heads, strict=True
+            )
         ]
 
     def frame(self, photo: Photo, fov_deg: float | None = None) -> Framing:
@@ -155,10 +161,27 @@ class NetworkEstimator(ABC):
         Raises:
             ModelError: the network cannot be run, or gives NaN or more than a float holds.
         """
-        output, lamps = self._answer(self.run_with_lamps, inputs)
+        log_radiance, lamps, _ = self.estimate_fully(inputs)
+        return log_radiance, lamps
+
+    def estimate_fully(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> tuple[
+        Float32[np.ndarray, "batch size size 3"], list[tuple[Lamp, ...]], list[dict[str, float]]
+    ]:
+        """As `estimate_with_lamps`, and what the network says besides of each picture.
+
+        Raises:
+            ModelError: the network cannot be run, or gives NaN or more than a float holds.
+        """
+        output, lamps, heads = self._answer(self.run_fully, inputs)
         log_radiance = self._light(output, len(inputs))
+        if not np.isfinite(heads).all():
+            got = f"{self.path} that gives NaN or infinite numbers"
+            raise ModelError("a trained model", got, "use another model file")
+        said = [dict(zip(self.contract.heads, row.tolist(), strict=True)) for row in heads]
         try:
-            return log_radiance, [lamps_of(numbers) for numbers in lamps]
+            return log_radiance, [lamps_of(numbers) for numbers in lamps], said
         except (ShapeError, ValueError) as error:
             got = f"{self.path} that gives impossible lamps"
             raise ModelError("a trained model", got, "use another model file") from error
@@ -192,6 +215,16 @@ class NetworkEstimator(ABC):
     ) -> tuple[Float32[np.ndarray, "batch 3 size size"], Float32[np.ndarray, "batch lamp numbers"]]:
         """The bare network and its second output, as the contract has it; here without lamps."""
         return self.run(inputs), np.zeros((len(inputs), 0, LAMP_NUMBERS), np.float32)
+
+    def run_fully(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> tuple[
+        Float32[np.ndarray, "batch 3 size size"],
+        Float32[np.ndarray, "batch lamp numbers"],
+        Float32[np.ndarray, "batch heads"],
+    ]:
+        """The bare network with all that the contract says it has; here without heads."""
+        return *self.run_with_lamps(inputs), np.zeros((len(inputs), 0), np.float32)
 
 
 def lamps_of(numbers: Float32[np.ndarray, "lamp numbers"]) -> tuple[Lamp, ...]:
@@ -230,6 +263,8 @@ def refuse_other_sizes(
     wanted: dict[str, object] = {contract.output_name: [3, size, size]}
     if contract.lamps:
         wanted[contract.lamps_name] = [contract.lamps, LAMP_NUMBERS]
+    if contract.heads:
+        wanted[contract.heads_name] = [len(contract.heads)]
     if not keeps_input or any(outputs.get(name) != shape for name, shape in wanted.items()):
         got = f"{path} with inputs {inputs} and outputs {outputs}"
         raise ModelError("a model that keeps its own contract", got, "export it again")

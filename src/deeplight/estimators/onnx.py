@@ -7,7 +7,7 @@ import numpy as np
 import onnxruntime as ort
 from jaxtyping import Float32
 
-from deeplight.contract import CONTRACT_KEY, ModelContract
+from deeplight.contract import CONTRACT_KEY, LAMP_NUMBERS, ModelContract
 from deeplight.errors import ModelError
 from deeplight.estimators.network import (
     MAX_THREADS,
@@ -70,6 +70,22 @@ class OnnxEstimator(NetworkEstimator):
         names = [self.contract.output_name, self.contract.lamps_name]
         output, lamps = self._session.run(names, {self.contract.input_name: inputs})
         return output, lamps
+
+    def run_fully(
+        self, inputs: Float32[np.ndarray, "batch 3 height width"]
+    ) -> tuple[
+        Float32[np.ndarray, "batch 3 size size"],
+        Float32[np.ndarray, "batch lamp numbers"],
+        Float32[np.ndarray, "batch heads"],
+    ]:
+        """The bare network with its lamps and heads, none where the contract has none."""
+        contract = self.contract
+        if not contract.heads:
+            return super().run_fully(inputs)
+        names = [contract.output_name, *[contract.lamps_name] * bool(contract.lamps)]
+        found = self._session.run([*names, contract.heads_name], {contract.input_name: inputs})
+        none = np.zeros((len(inputs), 0, LAMP_NUMBERS), np.float32)
+        return found[0], found[1] if contract.lamps else none, found[-1]
 
 
 def shipped_model() -> Path:

@@ -15,6 +15,7 @@ from deeplight.estimators.confidence import confidence_of
 from deeplight.estimators.environment import SceneLight
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.preview import preview
+from deeplight.estimators.sureness import camera_record, sureness_of
 from deeplight.io.atomic import staging
 from deeplight.io.lighting_file import (
     LATLONG_HEIGHT,
@@ -98,8 +99,10 @@ def _written(
     spec: OutputSpec,
     more: Mapping[str, Any],
 ) -> list[Path]:
-    confidence = confidence_of(estimator, estimate)
+    confidence = sureness_of(estimate) or confidence_of(estimator, estimate)
     facts = _facts(estimate, estimator) | {"confidence": confidence.record()}
+    if estimate.heads:
+        facts["camera_guess"] = camera_record(estimate.heads)
     facts |= more
     seen = None
     if scene is None:

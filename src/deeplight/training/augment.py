@@ -96,6 +96,16 @@ def flip(inputs: Inputs, share: Share = ALONE) -> Inputs:
     return replace(inputs, photo=photo, flipped=flipped)
 
 
+def both_ways(inputs: Inputs) -> Inputs:
+    """Each photo as it is and after them each photo mirrored."""
+    return Inputs(
+        torch.cat((inputs.photo, inputs.photo.flip(-1))),
+        torch.cat((inputs.spheres, inputs.spheres)),
+        torch.cat((inputs.rig, inputs.rig)),
+        torch.cat((inputs.flipped, ~inputs.flipped)),
+    )
+
+
 def turn_back(
     log_radiance: Float[Tensor, "n 3 height width"], flipped: Bool[Tensor, "n"]
 ) -> Float[Tensor, "n 3 height width"]:

@@ -19,7 +19,8 @@ from deeplight.io.arrays_file import read_array
 from deeplight.io.atomic import only_run, replacing
 from deeplight.sphere import SPHERES
 from deeplight.training import checkpoint
-from deeplight.training.augment import Inputs, augment, prepare, turn_back
+from deeplight.training.agreement import join_agreement
+from deeplight.training.augment import Inputs, augment, both_ways, prepare, turn_back
 from deeplight.training.checkpoint import BEST
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
@@ -131,10 +132,14 @@ class Run:
         learning_rate = config.optimiser.learning_rate * factor
         set_learning_rate(networks.optimiser, learning_rate, self.step)
         inputs = self.inputs(batch, self.step, self.share)
+        if config.loss.flip:
+            inputs = both_ways(inputs)
         log_radiance = turn_back(networks.forward(inputs.photo), inputs.flipped)
         terms = reconstruction_terms(
             self.setup.data.bases, config.loss, log_radiance, inputs.spheres, inputs.rig
         )
+        if config.loss.flip:
+            terms = join_agreement(terms, log_radiance, config.loss.flip)
         if networks.adversary is not None:
             terms = networks.adversary.join(terms, log_radiance, inputs, learning_rate)
         if networks.teacher is not None:

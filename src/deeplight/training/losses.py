@@ -40,6 +40,10 @@ class LossConfig:
     rendering; paper: equation 4 to the letter, soft-clipped as a pixel value; plain: as it is."""
     reduction: Reduction = "mean"
     """Over masked pixels and channels of one sphere; over examples it is always the mean."""
+    flip: float = 0.0
+    """Weight of the difference between the light of a photo and of its mirror image, mirrored back:
+    mean |ln radiance| and 1 - cos of the angle between the main lights. Above 0 every photo is seen
+    both ways and learnt from twice."""
     bases: str = ""
     """Photographed bases, an .npz of `deeplight reflectance`, for matte silver and diffuse; the
     mirror's is made, as in the paper. Empty: all are made from reflection models."""

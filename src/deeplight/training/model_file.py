@@ -104,6 +104,8 @@ def _shape_of(state: Mapping[str, Tensor], contract: ModelContract, path: Path) 
         components=0 if mean is None else mean.shape[0],
         lamps=contract.lamps,
         brightness=contract.brightness,
+        mirrored=contract.mirrored,
+        heads=bool(contract.heads),
         colour="colour.weight" in state,
     )
 

@@ -12,6 +12,8 @@ from torch import Tensor
 
 from deeplight.io.atomic import replacing
 from deeplight.sphere import SPHERES
+from deeplight.training.agreement import FLIP
+from deeplight.training.config import TrainConfig
 from deeplight.training.devices import Share, mean_over
 from deeplight.training.losses import LossTerms
 from deeplight.training.validation import SphereErrors
@@ -53,6 +55,12 @@ def loss_columns(reported: Sequence[str]) -> tuple[str, ...]:
     return ("step", "images", "loss", *reported, "learning_rate", "images_per_second")
 
 
+def reported_by(config: TrainConfig) -> tuple[str, ...]:
+    """What a run's losses are reported by."""
+    flip = (FLIP,) if config.loss.flip else ()
+    return (*SPHERES, *flip, *ABOUT_D) if config.adversarial.enabled else (*SPHERES, *flip)
+
+
 class RecentLosses:
     """The losses of some steps, left on the device so that no step waits for them."""
 
@@ -78,10 +86,13 @@ class RunRecord:
     """The tables of a run and their TensorBoard twins; in all processes but one it does nothing."""
 
     def __init__(
-        self, run_dir: Path, resume_step: int, adversarial: bool = False, writes: bool = True
+        self,
+        run_dir: Path,
+        resume_step: int,
+        reported: Sequence[str] = SPHERES,
+        writes: bool = True,
     ) -> None:
-        self.run_dir, self.writes = run_dir, writes
-        self.reported = (*SPHERES, *ABOUT_D) if adversarial else SPHERES
+        self.run_dir, self.writes, self.reported = run_dir, writes, tuple(reported)
         if not writes:
             return
         from torch.utils.tensorboard import SummaryWriter  # slow to import

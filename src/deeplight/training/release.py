@@ -51,5 +51,6 @@ def contract_of(header: checkpoint.Header, data: str = "") -> ModelContract:
         output_size=config.network.output_size,
         lamps=config.network.lamps,
         brightness=config.network.brightness,
+        mirrored=config.network.mirrored,
         trained_on=trained_on,
     )

@@ -28,7 +28,7 @@ from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, Mixture
 from deeplight.training.network.imagenet import load_imagenet
 from deeplight.training.optimiser import MovingAverage, make_optimiser
-from deeplight.training.record import RunRecord
+from deeplight.training.record import RunRecord, reported_by
 from deeplight.training.slim import start_from
 from deeplight.training.sources import Sources
 from deeplight.training.teacher import Teacher
@@ -148,7 +148,7 @@ def set_up(
             "devices": share.ranks,
         }
         write_run_toml(run_dir, asdict(config), facts)
-    record = RunRecord(run_dir, header.step, config.adversarial.enabled, share.rank == 0)
+    record = RunRecord(run_dir, header.step, reported_by(config), share.rank == 0)
     return Setup(
         run_dir,
         config,

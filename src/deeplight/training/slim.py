@@ -61,8 +61,8 @@ def start_from(
 
 
 def without_norm(config: NetworkConfig) -> NetworkConfig:
-    """The same network with batch norm folded."""
-    return replace(config, encoder_norm="none", decoder_norm="none")
+    """The same network with batch norm folded, read in one direction only."""
+    return replace(config, encoder_norm="none", decoder_norm="none", mirrored=False, heads=False)
 
 
 def shapes_of(module: nn.Module) -> list[torch.Size]:

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from deeplight.errors import ModelError
 from deeplight.training import checkpoint
+from deeplight.training.model_file import load_network
 
 
 def average_weights(parts: Sequence[tuple[Path, float]], out: Path) -> checkpoint.Header:
@@ -21,7 +22,8 @@ def average_weights(parts: Sequence[tuple[Path, float]], out: Path) -> checkpoin
     The header is the first's, without a validation score: nobody has measured the mean yet.
 
     Args:
-        parts: best.safetensors files or checkpoints, and their shares, divided by their sum.
+        parts: best.safetensors files, checkpoints or exported .onnx, and their shares, divided by
+            their sum.
 
     Raises:
         ModelError: no parts, shares that are not above 0, or a file of another network.
@@ -30,7 +32,7 @@ def average_weights(parts: Sequence[tuple[Path, float]], out: Path) -> checkpoin
     if not parts or min(share for _, share in parts) <= 0:
         raise ModelError("files with shares above 0", f"{len(parts)} files", "correct the shares")
     total = sum(share for _, share in parts)
-    loaded = [(path, *checkpoint.load(path)) for path, _ in parts]
+    loaded = loaded_parts([path for path, _ in parts])
     _, header, first = loaded[0]
     shapes = {name: value.shape for name, value in checkpoint.averaged(first).items()}
     for path, other, states in loaded:
@@ -46,6 +48,23 @@ def average_weights(parts: Sequence[tuple[Path, float]], out: Path) -> checkpoin
     header = replace(header, best_score=float("inf"))
     checkpoint.save(out, header, generator=mean)
     return header
+
+
+def loaded_parts(
+    paths: Sequence[Path],
+) -> list[tuple[Path, checkpoint.Header, dict[str, dict[str, Tensor]]]]:
+    """Header and weights of each file. An exported .onnx has no header and no batch norm: its is
+    that of the first run, and then every run's norms are folded, too."""
+    exported = [path for path in paths if path.suffix == ".onnx"]
+    if not exported:
+        return [(path, *checkpoint.load(path)) for path in paths]
+    runs = [path for path in paths if path not in exported]
+    if not runs:
+        raise ModelError("at least one best.safetensors", "exported files only", "add one")
+    header = checkpoint.read_header(runs[0])
+    no_norms = {"network.encoder_norm": "none", "network.decoder_norm": "none"}
+    header = replace(header, settings={**header.settings, **no_norms})
+    return [(path, header, {"generator": load_network(path)[0].state_dict()}) for path in paths]
 
 
 def orientation(header: checkpoint.Header) -> str:

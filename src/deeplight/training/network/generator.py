@@ -12,7 +12,16 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval, fuse_linear_bn_eval
 
 from deeplight.camera_response import GAMMA
 from deeplight.errors import ConfigError
-from deeplight.training.network.lamps import DIMMER, LampBall, Lamps, numbers_of, together
+from deeplight.training.network.heads import Heads
+from deeplight.training.network.lamps import (
+    DIMMER,
+    LampBall,
+    Lamps,
+    mirror_image,
+    numbers_of,
+    parts_of,
+    together,
+)
 from deeplight.training.network.mobilenet_v2 import (
     BATCH_NORM_EPSILON,
     FEATURE_CHANNELS,
@@ -68,6 +77,14 @@ class NetworkConfig:
     """Add a share of the photo's mean colour to the light's: a share that is learnt, of each photo
     from what it shows, and starts at 0. What is there is the light's or the things', or the
     camera's white balance."""
+    mirrored: bool = False
+    """Read the features a second time, mirrored, and answer with the mean of both answers, the
+    second turned back; the last lamp is the first one's mirror image. Then a photo and its mirror
+    image give mirrored light but for what the encoder makes of a mirrored photo. Costs a decoder,
+    no encoder."""
+    heads: bool = False
+    """Say something of the camera and of how sure the light is, too (see `heads`). They are taught
+    to a trained network by `deeplight export --heads`, not in training."""
 
 
 class Decoder(nn.Module):
@@ -142,7 +159,7 @@ class Generator(nn.Module):
             )
         self.output_size = config.output_size
         self.encoder = MobileNetV2Encoder(config.encoder_norm, freeze_blocks, config.width)
-        height, width = FEATURE_SIZE[config.orientation]
+        self.feature_size = height, width = FEATURE_SIZE[config.orientation]
         features = scaled(FEATURE_CHANNELS, config.width) * height * width  # 160 * 6 * 5 = 4,800
         self.latent: nn.Module = nn.Linear(features, config.latent_size)
         self.latent_norm: nn.Module = (
@@ -163,6 +180,10 @@ class Generator(nn.Module):
             nn.init.zeros_(self.decoder.up3.weight)
             nn.init.zeros_(self.decoder.up3.bias)
         self.brightness = config.brightness
+        self.mirrored = config.mirrored
+        self.heads: Heads | None = None
+        if config.heads:
+            self.heads = Heads(scaled(FEATURE_CHANNELS, config.width), height, width)
         self.colour = nn.Linear(config.latent_size, 1) if config.colour else None
         if self.colour is not None:
             nn.init.zeros_(self.colour.weight)
@@ -189,9 +210,20 @@ class Generator(nn.Module):
 
     def before_activation(self, photo: Float[Tensor, "n 3 height width"]) -> Tensor:
         """The latent vector before its norm and activation."""
-        # Contiguous first: the flatten order is NCHW's, whatever the memory format.
-        features: Tensor = self.latent(self.encoder(photo).contiguous().flatten(1))  # (n, 4800)
+        pre: Tensor = self.latent(self.features(photo).flatten(1))
+        return pre
+
+    def features(self, photo: Float[Tensor, "n 3 height width"]) -> Tensor:
+        """What the encoder sees in a photo, (n, 160, 6, 5) of a portrait one."""
+        # Contiguous: the order in which they are flattened is NCHW's, whatever the memory format.
+        features: Tensor = self.encoder(photo).contiguous()
         return features
+
+    def latent_of(self, features: Float[Tensor, "n channels rows columns"]) -> Tensor:
+        """The latent vector, (n, 256)."""
+        pre = self.latent(features.flatten(1))
+        latent: Tensor = self.dropout(self.activation(self.latent_norm(pre)))
+        return latent
 
     def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n 3 size size"]:
         return self.light(photo)[0]
@@ -201,21 +233,49 @@ class Generator(nn.Module):
     ) -> tuple[Float[Tensor, "n 3 size size"], Float[Tensor, "n lamp 7"] | None]:
         """All ln radiance, lamps included, and the lamps by themselves (see `lamps.numbers_of`)."""
         photo, taken = self.evenly_bright(photo)
-        latent = self.activation(self.latent_norm(self.before_activation(photo)))  # (n, 256)
-        latent = self.dropout(latent)
-        log_radiance: Tensor = self.decoder(latent)
-        if self.mixture is not None:
-            log_radiance = log_radiance + self.mixture(latent)
+        return self.light_from(self.features(photo), photo, taken)
+
+    def everything(
+        self, photo: Float[Tensor, "n 3 height width"]
+    ) -> tuple[Float[Tensor, "n 3 size size"], Float[Tensor, "n lamp 7"] | None, Tensor]:
+        """Light and lamps as `light` gives them, and what its heads say (or the features, where it
+        has none)."""
+        photo, taken = self.evenly_bright(photo)
+        features = self.features(photo)
+        said = features if self.heads is None else self.heads(features)
+        return (*self.light_from(features, photo, taken), said)
+
+    def light_from(
+        self, features: Tensor, photo: Float[Tensor, "n 3 height width"], taken: Tensor | None
+    ) -> tuple[Float[Tensor, "n 3 size size"], Float[Tensor, "n lamp 7"] | None]:
+        """The rest of `light`, after the encoder; `photo` and `taken` are of `evenly_bright`."""
+        latent = self.latent_of(features)
+        log_radiance, lamps = self.map_of(latent), self.lamps_of(latent)
+        if self.mirrored:
+            latent_back = self.latent_of(features.flip(-1))
+            log_radiance = (log_radiance + self.map_of(latent_back).flip(-1)) / 2
+            others = self.lamps_of(latent_back)
+            if lamps is not None and others is not None:
+                lamps = (lamps + mirror_image(others)) / 2
         shift = self.put_back(taken, latent, photo)
         if shift is not None:
             log_radiance = log_radiance + shift[:, :, None, None]
-        if self.lamps is None:
+        if lamps is None:
             return log_radiance, None
-        direction, log_flux, concentration = self.lamps(latent)
+        direction, log_flux, concentration = parts_of(lamps)
         if shift is not None:
             log_flux = log_flux + shift[:, None]
         drawn = self.ball(direction, log_flux, concentration)
         return together(log_radiance, drawn), numbers_of(direction, log_flux, concentration)
+
+    def map_of(self, latent: Float[Tensor, "n latent"]) -> Float[Tensor, "n 3 size size"]:
+        """ln radiance but for the lamps and the photo's brightness."""
+        log_radiance: Tensor = self.decoder(latent)
+        return log_radiance if self.mixture is None else log_radiance + self.mixture(latent)
+
+    def lamps_of(self, latent: Float[Tensor, "n latent"]) -> Float[Tensor, "n lamp 7"] | None:
+        """The lamps' numbers as the head gives them."""
+        return None if self.lamps is None else self.lamps(latent)
 
     def put_back(
         self, taken: Tensor | None, latent: Tensor, photo: Tensor

@@ -42,16 +42,33 @@ class Lamps(nn.Module):
         with torch.no_grad():
             self.head.bias.copy_(start.flatten())
 
-    def forward(
-        self, latent: Float[Tensor, "n latent"]
-    ) -> tuple[Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp 1"]]:
-        """Unit directions, ln flux and concentrations."""
-        numbers = self.head(latent).float().reshape(-1, self.count, LAMP_NUMBERS)
-        direction = numbers[..., :3]
-        length = direction.square().sum(-1, keepdim=True).clamp_min(SHORTEST).sqrt()
-        span = MOST_CONCENTRATION - LEAST_CONCENTRATION
-        concentration = LEAST_CONCENTRATION + span * torch.sigmoid(numbers[..., 6:])
-        return direction / length, numbers[..., 3:6], concentration
+    def forward(self, latent: Float[Tensor, "n latent"]) -> Float[Tensor, "n lamp 7"]:
+        """Numbers of each lamp; `parts_of` says what they mean."""
+        numbers: Tensor = self.head(latent).float().reshape(-1, self.count, LAMP_NUMBERS)
+        return numbers
+
+    @torch.no_grad()
+    def brighten(self, log_gain: float) -> None:
+        """Multiply every lamp's flux by exp(log_gain)."""
+        self.head.bias.view(self.count, LAMP_NUMBERS)[:, 3:6] += log_gain
+
+
+def parts_of(
+    numbers: Float[Tensor, "n lamp 7"],
+) -> tuple[Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp 3"], Float[Tensor, "n lamp 1"]]:
+    """Unit directions, ln flux and concentrations."""
+    direction = numbers[..., :3]
+    length = direction.square().sum(-1, keepdim=True).clamp_min(SHORTEST).sqrt()
+    span = MOST_CONCENTRATION - LEAST_CONCENTRATION
+    concentration = LEAST_CONCENTRATION + span * torch.sigmoid(numbers[..., 6:])
+    return direction / length, numbers[..., 3:6], concentration
+
+
+def mirror_image(numbers: Float[Tensor, "n lamp 7"]) -> Float[Tensor, "n lamp 7"]:
+    """The lamps of the mirrored scene, left and right: the first is the last one's image, as the
+    start has it."""
+    turned = numbers.flip(1)
+    return torch.cat((-turned[..., :1], turned[..., 1:]), -1)
 
 
 class LampBall(nn.Module):

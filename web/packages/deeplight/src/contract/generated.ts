@@ -3,7 +3,7 @@
 export const CONTRACT_KEY = "deeplight.contract" as const;
 
 export const CONTRACT = {
-  "version": 2,
+  "version": 3,
   "input_name": "photo",
   "input_layout": "NCHW, RGB, gamma-encoded",
   "width": 135,
@@ -31,7 +31,10 @@ export const CONTRACT = {
     "diffuse": 0.345
   },
   "trained_on": "",
-  "brightness": 0.0
+  "brightness": 0.0,
+  "mirrored": false,
+  "heads": [],
+  "heads_name": "heads"
 } as const;
 
 export const SERVED = {
@@ -47,6 +50,12 @@ export const SINCE_VERSION_2 = {
   "lamps": 0,
   "lamps_name": "lamps",
   "brightness": 0.0
+} as const;
+
+export const SINCE_VERSION_3 = {
+  "mirrored": false,
+  "heads": [],
+  "heads_name": "heads"
 } as const;
 
 export const LIGHTING_SIZE = 32 as const;

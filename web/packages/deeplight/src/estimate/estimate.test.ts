@@ -99,7 +99,13 @@ describe("cell means", () => {
 describe("the contract inside the model", () => {
   test("is the one the page was built for", () => {
     const { trained_on: _, ...got } = contractOf(model);
-    const { trained_on: __, ...built } = { ...contract, lamps: 3, brightness: 0.9 };
+    const { trained_on: __, ...built } = {
+      ...contract,
+      lamps: 3,
+      brightness: 0.9,
+      mirrored: true,
+      heads: expect.arrayContaining(["pitch_rad", "direction_scale"]),
+    };
     expect(got).toEqual(built);
   });
 
@@ -111,10 +117,10 @@ describe("the contract inside the model", () => {
       "model-damaged",
     ],
     ["empty", new Uint8Array(), "model-damaged"],
-    ["of another version", replaced(model, '"version": 2,', '"version": 9,'), "model-version"],
+    ["of another version", replaced(model, '"version": 3,', '"version": 9,'), "model-version"],
     ["of another mapping", replaced(model, '"mirror ball"', '"mirror-ball"'), "model-version"],
     ["of another unit", replaced(model, '"ln radiance"', '"l2 radiance"'), "model-version"],
-    ["not JSON", replaced(model, '"version": 2,', '"version": 2;'), "model-damaged"],
+    ["not JSON", replaced(model, '"version": 3,', '"version": 3;'), "model-damaged"],
   ])("refuses one that is %s", (_, file, kind) => {
     expect(kindOf(() => contractOf(file))).toBe(kind);
   });

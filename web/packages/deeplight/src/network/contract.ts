@@ -1,5 +1,11 @@
 /** The contract inside a model file, read from its bytes: contract.py. */
-import { CONTRACT, CONTRACT_KEY, SERVED, SINCE_VERSION_2 } from "../contract/generated.ts";
+import {
+  CONTRACT,
+  CONTRACT_KEY,
+  SERVED,
+  SINCE_VERSION_2,
+  SINCE_VERSION_3,
+} from "../contract/generated.ts";
 import { EstimateError } from "../errors.ts";
 import { fieldsOf, text } from "./protobuf.ts";
 
@@ -26,7 +32,10 @@ export function contractOf(model: Uint8Array): Contract {
 function checked(json: string): Contract {
   let entries: Record<string, unknown> = parsed(json);
   if (entries.version === 1) {
-    entries = { ...SINCE_VERSION_2, ...entries, version: CONTRACT.version };
+    entries = { ...SINCE_VERSION_2, ...entries, version: 2 };
+  }
+  if (entries.version === 2) {
+    entries = { ...SINCE_VERSION_3, ...entries, version: CONTRACT.version };
   }
   const refuse = (name: string, want: unknown) => {
     const got = JSON.stringify(entries[name]);

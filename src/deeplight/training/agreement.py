@@ -1,0 +1,45 @@
+"""A photo and its mirror image should give mirrored light: a loss of the paper's future work."""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from deeplight.camera_response import LUMINANCE
+from deeplight.lobe import lobe_grid
+from deeplight.training.distil import lit_l1
+from deeplight.training.losses import LossTerms
+
+FLIP = "flip"
+"""The term's name."""
+SHARPNESS = 2.0
+"""Power of the radiance by which directions are averaged to the main light's: 1 is the mean of all
+light, more is nearer to the brightest spot."""
+
+
+def join_agreement(
+    terms: LossTerms, log_radiance: Float[Tensor, "n 3 size size"], weight: float
+) -> LossTerms:
+    """Add how far the answers for the photos (first half) and for their mirror images (second half,
+    turned back) are from each other to what is lowered."""
+    log_radiance = log_radiance.float()
+    one, other = log_radiance.chunk(2)
+    a, b = main_direction(log_radiance).chunk(2)
+    angle = 1 - (a * b).sum(-1).mean()
+    difference = lit_l1(one, other) + angle
+    weighted = {**terms.weighted, FLIP: weight * difference}
+    return replace(terms, weighted=weighted, reported={**terms.reported, FLIP: difference.detach()})
+
+
+def main_direction(log_radiance: Float[Tensor, "n 3 size size"]) -> Float[Tensor, "n 3"]:
+    """Unit direction of the main light, in a form that can be learnt from; camera frame."""
+    towards, solid_angle = (
+        torch.tensor(part, device=log_radiance.device) for part in lobe_grid(log_radiance.shape[-1])
+    )
+    scale = torch.tensor(LUMINANCE, dtype=torch.float32, device=log_radiance.device)
+    luminance = torch.einsum("nchw,c->nhw", log_radiance.exp(), scale).flatten(1)
+    brightest = luminance.amax(1, keepdim=True)
+    share = (luminance / brightest) ** SHARPNESS * solid_angle
+    return functional.normalize(share @ towards, dim=-1)

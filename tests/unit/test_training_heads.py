@@ -1,0 +1,135 @@
+"""Heads: they learn what can be learnt, keep what they say, and come back from a file."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from deeplight.contract import HEADS, ModelContract
+from deeplight.deploy.onnx import export_onnx
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.estimators.sureness import Sureness, camera_record, sureness_of
+from deeplight.training import heads as teaching
+from deeplight.training.heads import (
+    SCALES,
+    Views,
+    calibrate,
+    fitted,
+    light_errors,
+    measured,
+    turned,
+)
+from deeplight.training.model_file import load_network
+from deeplight.training.network.generator import Generator, NetworkConfig
+
+SMALL = NetworkConfig(
+    latent_size=32, decoder_widths=(8, 8), encoder_norm="none", decoder_norm="none", width=0.35,
+    heads=True,
+)  # fmt: skip
+CONTRACT = ModelContract(heads=HEADS)
+
+
+def network() -> Generator:
+    torch.manual_seed(0)
+    return Generator(SMALL).eval()
+
+
+def views(count: int, seed: int) -> Views:
+    """Features of which a third says the pitch, and another third how far off that is."""
+    random, size = np.random.default_rng(seed), 11 * 56
+    one, other = random.normal(0, 1, (2, count, 1))
+    averaged = random.normal(0, 1, (count, size)).astype(np.float32)
+    averaged[:, ::3] += one
+    averaged[:, 1::3] += other
+    spread = np.where(other[:, 0] > 0, 0.02, 0.3)
+    pitch = 0.3 * one[:, 0] + spread * random.normal(0, 1, count)
+    pitch[::5] = np.nan  # not known of some
+    camera = np.stack((np.full(count, np.nan), pitch, np.zeros(count)), 1)
+    errors = np.abs(random.normal(0, 1, (count, 4))) * spread[:, None]
+    errors[::7] = np.nan
+    return Views(
+        torch.from_numpy(averaged), torch.tensor(camera, dtype=torch.float32),
+        torch.tensor(errors, dtype=torch.float32), torch.zeros(count),
+        np.array([f"place{n % 7}" for n in range(count)]),
+    )  # fmt: skip
+
+
+def test_they_learn_a_number_and_how_far_off_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(teaching, "STEPS", 250)
+    heads = fitted(views(2000, 0), network())
+    calibrate(heads, views(600, 1))
+    found = measured(heads, views(1000, 2))
+    assert found["pitch_scale"].error < 0.75 * found["pitch_scale"].plain
+    for name in ("pitch_scale", "brightness_scale", "direction_scale"):
+        assert found[name].within == pytest.approx(0.68, abs=0.07)
+        assert found[name].surest < 0.75
+    before = fitted(views(2000, 0), network())  # the twin: not calibrated to errors twice as large
+    wide = views(1000, 2)
+    twice = replace(wide, errors=2 * wide.errors)
+    assert measured(before, twice)["brightness_scale"].within < 0.6
+
+
+def test_errors_of_light_are_what_they_are_called() -> None:
+    light = np.random.default_rng(0).uniform(0.5, 2, (32, 32, 3)).astype(np.float32)
+    light[8, 20] = 200
+    same = light_errors(light, light)
+    assert same == pytest.approx([0, 0, 0, 0], abs=1e-3)
+    brighter = light_errors(2 * light, light)
+    assert brighter == pytest.approx([np.log(2), 0, 0, np.log(2)], abs=1e-3)
+    image = light_errors(light[:, ::-1], light)
+    assert image[2] > 0.2
+    assert light_errors(light * np.float32([2, 1, 1]), light)[1] > 0.1
+
+
+def test_a_photo_on_its_side_is_what_a_camera_would_give() -> None:
+    photo = np.random.default_rng(0).integers(0, 256, (192, 135, 3)).astype(np.uint8)
+    upright, head = turned(photo, 0), turned(photo, 2)
+    np.testing.assert_allclose(head, upright[:, ::-1, ::-1])
+    side = turned(photo, 1)
+    assert side.shape == upright.shape
+    assert not np.allclose(side, upright, atol=0.1)
+
+
+@torch.no_grad()
+def test_what_they_say_is_in_the_file_and_in_the_estimate(tmp_path: Path) -> None:
+    path = tmp_path / "heads.onnx"
+    export_onnx(network(), CONTRACT, path, float16=False)
+    estimator = OnnxEstimator(path)
+    picture = np.random.default_rng(0).uniform(0, 1, (160, 120, 3))
+    estimate = estimator.explain(picture)
+    assert tuple(estimate.heads) == HEADS
+    assert all(estimate.heads[name] > 0 for name in SCALES)
+    chances = [estimate.heads[name] for name in HEADS if name.startswith("upright")]
+    assert sum(chances) == pytest.approx(1, abs=1e-5)
+    again, contract = load_network(path)
+    assert contract == CONTRACT
+    photo = torch.rand(2, 3, 192, 135) - 0.5
+    torch.testing.assert_close(again.everything(photo)[2], network().everything(photo)[2])
+    said = sureness_of(estimate)
+    assert said is not None
+    assert said.record()["scale"]["brightness"] > 0
+    guess = camera_record(estimate.heads)
+    assert guess["pitch_deg"]["scale"] > 0
+    assert 0.25 <= guess["upright_after_turning"]["chance"] <= 1
+
+
+def test_a_model_without_heads_says_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "plain.onnx"
+    config = replace(SMALL, heads=False)
+    export_onnx(Generator(config).eval(), ModelContract(), path, float16=False)
+    estimate = OnnxEstimator(path).explain(np.full((160, 120, 3), 0.4))
+    assert estimate.heads == {}
+    assert sureness_of(estimate) is None
+
+
+def test_words_follow_the_scales_and_warnings() -> None:
+    heads = dict.fromkeys(HEADS, 0.25)
+    known = Sureness(heads, True)
+    assert set(known.words.values()) == {"roughly known", "not known"}  # 0.25 rad of colour: 14°
+    assert known.words["direction"] == "roughly known"
+    assert Sureness(heads | {"direction_scale": 1.2}, True).words["direction"] == "not known"
+    assert Sureness(heads, False).words["direction"] == "not known"
+    assert set(Sureness(heads, True, ("black",)).words.values()) == {"not known"}
+    assert Sureness(heads, True, ("black",)).sentences == ("black",)
