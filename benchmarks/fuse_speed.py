@@ -33,6 +33,7 @@ from deeplight.simulate.panorama import load, places_in
 from lab.pans import Pan, Sweep, Troubles, film_pan
 
 SIZE, FRAMES, RATE_HZ = (1080, 1920), 900, 30.0  # of the clip
+QUALITY = 18  # about the bit rate of a phone
 MAP_STEP = 8  # where a pixel looks is worked out for every eighth, and interpolated
 HEIGHTS = (64, 256, 512)
 Result = TypeVar("Result")
@@ -61,7 +62,7 @@ def film_clip(panorama: np.ndarray, path: Path) -> None:
     rays = PinholeCamera(*few, TRAINED_VERTICAL_FOV_RAD).rays().astype(np.float32)
     shake = cv2.GaussianBlur(rng.normal(0, 0.06, (FRAMES, 3)), (1, 31), 7)
     grain = rng.normal(0, 2.5, (2 * SIZE[1], 2 * SIZE[0], 1)).astype(np.int8)
-    with VideoWriter(path, *SIZE, RATE_HZ) as writer:
+    with VideoWriter(path, *SIZE, RATE_HZ, quality=QUALITY) as writer:
         for k in range(FRAMES):
             yaw, pitch, roll = shake[k] + (2 * np.pi * k / FRAMES, -0.17, 0)
             at = turned(rays, world_from_camera(yaw, pitch, roll))

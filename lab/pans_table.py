@@ -107,7 +107,7 @@ class Scores:
         self._bases = rig_bases(PAPER_RIG)
         self.rows: dict[str, list[list[float]]] = {}
 
-    def add(self, name: str, found: Lighting, truth: Lighting, seen: float = 0.0) -> None:
+    def add(self, name: str, found: Lighting, truth: Lighting, seen: float = np.nan) -> None:
         """Score one lighting."""
         row = []
         for sphere in SPHERES:
@@ -135,7 +135,8 @@ class Scores:
             cells = [f"{mean[k]:.3f} ({mean[k] / reference[k]:.2f})" for k in range(3)]
             cells.append(f"{mean[3]:.1f}° ({mean[3] / reference[3]:.2f})")
             cells += [f"{mean[4]:+.2f}", f"{np.nanmedian(values[:, 5]):.0f}°"]
-            print(f"| {name} | {mean[6]:.0%} | {' | '.join(cells)} |")
+            seen = "" if np.isnan(mean[6]) else f"{mean[6]:.0%}"
+            print(f"| {name} | {seen} | {' | '.join(cells)} |")
         print()
 
 
@@ -161,7 +162,8 @@ def seen_table(cases: Sequence[Case]) -> Scores:
     """What each further look brings."""
     scores = Scores()
     for case in cases:
-        scores.add("the network alone, 1 frame", Lighting(np.exp(case.estimates[0])), case.truth)
+        alone = Lighting(np.exp(case.estimates[0]))
+        scores.add("the network alone, 1 frame", alone, case.truth, 0.0)
         for name, chosen in SETS.items():
             light = case.session(chosen).environment(height=ROWS)
             scores.add(name, light.lighting, case.truth, share_seen(light))

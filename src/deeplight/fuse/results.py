@@ -143,7 +143,7 @@ def _thumbnails(
         if dropped:
             draw.rectangle((x, top, x + size[0] - 1, top + size[1] - 1), outline=_WARN, width=3)
         x += size[0] + 4
-    text = f"{len(fused.placed)} frames placed"
+    text = f"{len(fused.placed)} frame{'s' * (len(fused.placed) != 1)} placed"
     if fused.dropped:
         text += f", {len(fused.dropped)} could not be (outlined)"
     draw.text((MARGIN, top + _THUMB_ROWS + 6), text, FAINT, font)

@@ -21,7 +21,7 @@ from deeplight.io.video import VideoFrame, is_video, video_frames
 
 MOST_FRAMES = 160
 """Of a clip; when more would be kept every other one is dropped."""
-_MOVED, _ENOUGH = 0.1, 0.2  # of the picture's width: between these the sharpest frame is kept
+_MOVED, _ENOUGH = 0.07, 0.14  # of the picture's width: between these the sharpest frame is kept
 _LEAST_STEP_S = 1 / 16  # frames nearer in time than this show the same: one of them is looked at
 _LONGEST_S = 2.0  # a clip that stands still gives a frame now and then all the same
 _POSED_RAD = math.radians(6)
