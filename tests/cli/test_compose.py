@@ -73,7 +73,7 @@ def test_the_shadow_falls_away_from_a_given_sun(photo: Path, tmp_path: Path, cap
     for azimuth in (-90, 90):
         out = tmp_path / f"{azimuth}.exr"
         words = ["--object", "sphere", "--at", 32, 36, "--size", "0.4", "--layers", out]
-        words += ["--sun", azimuth, 30, "--out", tmp_path / "a.png"]
+        words += ["--sun", azimuth, 30, "--fill", "any", "--out", tmp_path / "a.png"]
         assert compose(photo, *words, *SHORT) == 0
         shadow = read_hdr_layer(out)
         lit.append(shadow[:, 40:].mean() - shadow[:, :24].mean())
@@ -115,6 +115,7 @@ def test_defaults_are_reported(photo: Path, tmp_path: Path, capsys) -> None:
         (["--layers", "a.png"], "--layers"),
         (["--sun", "0", "100"], "elevation"),
         (["--sun", "0", "40", "--light", "none.exr"], "--sun"),
+        (["--fill", "any", "--light", "none.exr"], "--fill"),
         (["--light", "none.exr"], "none.exr"),
         (["--material", "file"], "built-in"),
     ],

@@ -12,6 +12,7 @@ from deeplight.compose.trace import Progress
 from deeplight.environment import Environment
 from deeplight.estimators.environment import scene_light
 from deeplight.estimators.estimate import load_estimator
+from deeplight.estimators.fill import Kind
 from deeplight.estimators.sun import SunHint, find_sun
 from deeplight.io.photo_like import as_photo
 
@@ -25,6 +26,7 @@ def compose_photo(
     settings: ComposeSettings | None = None,
     stops: float = 0.0,
     sun: SunHint | None = None,
+    fill: Kind | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Composed:
     """Put objects into a photo, lit by its own light, with their shadow on its own surface.
@@ -39,6 +41,8 @@ def compose_photo(
         stops: make the light brighter by this number of doublings.
         sun: where the sun stands; left out, where the photo's EXIF data say, if they do. Only for
             an estimated light.
+        fill: "indoor", "outdoor" or "any": reflections show made-up detail of such a place where
+            the photo does not look. Only for an estimated light.
         progress: called with (rays done, rays in all).
 
     Returns:
@@ -54,7 +58,7 @@ def compose_photo(
     where = placement or CameraPlacement()
     if light is None:
         estimate = network.explain(opened, where.fov_deg)
-        scene, framing, notes = scene_light(estimate), estimate.framing, estimate.notes
+        scene, framing, notes = scene_light(estimate, fill=fill), estimate.framing, estimate.notes
         found = find_sun(estimate, scene, sun)
         if found is not None:
             scene, notes = found.scene, (*notes, found.note)
