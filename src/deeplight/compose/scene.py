@@ -98,6 +98,11 @@ class ImageWindow:
         right, bottom = int(np.ceil(crop[2] / step)), int(np.ceil(crop[3] / step))
         return cls(step, left, top, right - left, bottom - top)
 
+    def finer(self, parts: int) -> "ImageWindow":
+        """The same window with each pixel parted into `parts` x `parts`."""
+        sizes = (n * parts for n in (self.left, self.top, self.width, self.height))
+        return ImageWindow(self.step / parts, *sizes)
+
 
 def irradiance_on_plane(light: Float[np.ndarray, "height width 3"], viewpoint: Viewpoint) -> Colour:
     """What falls on an open plane, in units of radiance x sr; white light of 1 gives pi."""
@@ -153,7 +158,8 @@ def _plane(mi: Any, scene: Scene) -> dict[str, Any]:
 def sensor(mi: Any, viewpoint: Viewpoint, window: ImageWindow) -> Any:
     """The photo's camera, whose film is `window`."""
     camera, step = viewpoint.camera, window.step
-    columns, rows = int(np.ceil(camera.width / step)), int(np.ceil(camera.height / step))
+    columns = max(int(np.ceil(camera.width / step)), window.left + window.width)
+    rows = max(int(np.ceil(camera.height / step)), window.top + window.height)
     # A film of whole pixels may reach past the photo's right and lower edge.
     wider, higher = columns * step / camera.width, rows * step / camera.height
     pose = viewpoint.world_from_camera

@@ -129,8 +129,15 @@ def trace(
     work = [fine.width * fine.height * passes]
     work.append(coarse.width * coarse.height * quality.shadow_samples)
     around = tracer.run(fine, passes, lambda done: progress(done, sum(work)), parts)
+    # One pass over a finer grid is as many rays as several over the coarse one, and much quicker.
+    samples = quality.shadow_samples
+    split = max(part for part in (1, 2, 4) if part**2 <= samples)
     soft = tracer.run(
-        coarse, quality.shadow_samples, lambda done: progress(work[0] + done, sum(work))
+        coarse.finer(split),
+        -(-samples // split**2),
+        lambda done: progress(min(work[0] + done, sum(work)), sum(work)),
+        split,
+        objects=False,
     )
     return _joined(scene, wide, near, around, soft, coarse, ENOUGH_SAMPLES // (passes * parts**2))
 
@@ -157,21 +164,26 @@ class _Tracer:
         self._plane = 1 + [shape.id() for shape in self._full.shapes()].index(PLANE)
 
     def run(
-        self, window: ImageWindow, passes: int, done: Callable[[int], None], parts: int = 0
+        self,
+        window: ImageWindow,
+        passes: int,
+        done: Callable[[int], None],
+        parts: int,
+        objects: bool = True,
     ) -> _Rays:
         """Trace `passes` rays through every pixel of a window, strip by strip for memory's sake.
 
-        With `parts` the objects are wanted too, and each `parts` x `parts` pixels become one.
+        Each `parts` x `parts` pixels become one; without `objects` only the light on the plane is
+        wanted.
         """
-        step = max(parts, 1)
-        rows = max(AT_ONCE // window.width // step, 1) * step
+        rows = max(AT_ONCE // window.width // parts, 1) * parts
         strips = []
         for top in range(0, window.height, rows):
             height = min(rows, window.height - top)
             strip = replace(window, top=window.top + top, height=height)
             before = top * window.width * passes
-            sums = self._strip(strip, passes, partial(_after, done, before), parts > 0)
-            strips.append([_by_pixel(values / passes, step) for values in sums])
+            sums = self._strip(strip, passes, partial(_after, done, before), objects)
+            strips.append([_by_pixel(values / passes, parts) for values in sums])
         return _Rays(*(np.concatenate(values) for values in zip(*strips, strict=True)))
 
     def _strip(
