@@ -21,7 +21,7 @@ import tyro
 
 from deeplight.cli.main import run_command
 from deeplight.errors import ConfigError
-from lab.kills import differing, started
+from lab.kills import differing, is_ignored, started
 
 _ON_SMALL_DISK = """
 mount -t tmpfs -o size="$1" tmpfs "$2" || exit 99
@@ -46,7 +46,7 @@ class Args:
     seed: int = 0
     """Of the sizes."""
     ignore: tuple[str, ...] = ("run.toml",)
-    """Names of files that may differ, such as records of times."""
+    """Names of files that may differ, such as records of times; * stands for anything."""
 
 
 def run(args: Args) -> None:
@@ -103,7 +103,7 @@ def wrong(code: int, said: str, whole: Path, kept: Path, ignore: Sequence[str] =
         faults.append(f"a traceback: {said[-2000:]}")
     for path in sorted(kept.rglob("*")):
         name = path.relative_to(kept)
-        if path.is_dir() or path.name in ignore:
+        if path.is_dir() or is_ignored(path, ignore):
             continue
         right = whole / path.relative_to(got) if path.is_relative_to(got) else None
         if right is None or not right.exists() or right.read_bytes() != path.read_bytes():

@@ -49,6 +49,8 @@ class Args:
     """Of each clip, 30 a second."""
     hard: bool = False
     """Dark or bright exposures, a tone curve, defocused spheres, lamps near the rig, noise."""
+    stops: tuple[float, float] = (0.0, 0.0)
+    """Brighter by so much, drawn between the two."""
     seed: int = 0
     """Of everything else: order, size and place of the spheres, camera, exposure, movement."""
 
@@ -106,6 +108,7 @@ def film(source: Path, clip: Path, args: Args, rng: np.random.Generator) -> None
     turns = walk(args.frames, rng)
     setup = drawn_setup(place.panorama, turns, rng)
     setup = troubled(setup, rng) if args.hard else setup
+    setup = replace(setup, gain=setup.gain * 2 ** rng.uniform(*args.stops))
     with VideoWriter(clip, setup.camera.width, setup.camera.height, 30) as video:
         for turn in turns:
             seen = pixels(place, turn, setup)

@@ -122,6 +122,11 @@ class ShardPlan:
         check_version(path, values)
         try:
             jobs = tuple(ShardJob(**job) for job in values["shards"])
+            for job in jobs:
+                if any(type(n) is not int or n < 0 for n in (job.number, job.first, job.count)):
+                    raise TypeError(f"numbers in {job}")
+                if not isinstance(job.split, str):
+                    raise TypeError(f"a split in {job}")
             return cls(Path(folder), jobs, values["rigs"], values["recipe"])
         except Exception as error:  # whatever a damaged one makes of it
             raise DataSetError(f"a whole {path}", repr(error), "delete the folder") from error
