@@ -20,7 +20,7 @@ from PIL import Image
 
 from deeplight import brdf, camera_response, contract, harmonics, lobe, preprocess
 from deeplight.contract import ModelContract
-from deeplight.estimators import confidence, lamps, projection, surroundings
+from deeplight.estimators import confidence, lamps, projection, sureness, surroundings
 from deeplight.estimators.environment import assemble
 from deeplight.estimators.network import WHOLE_VIEW
 from deeplight.estimators.onnx import OnnxEstimator
@@ -82,6 +82,7 @@ def constants() -> dict[str, Any]:
         "LATLONG_HEIGHT": lighting_file.LATLONG_HEIGHT,
         "LIGHTING_FILE": lighting_file_words(),
         "CONFIDENCE": numbers_of(confidence),
+        "SURENESS_LIMITS": sureness.LIMITS,
         "SCENE_FILE": scene_file_words(),
         "TRANSFER": transfer_file.LAYOUT,
         "FUSE": numbers_of(view, gains, blend, merge, session),

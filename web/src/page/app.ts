@@ -52,6 +52,8 @@ export class App {
   hasSeveralCameras = false;
   /** How the camera is held, as its pictures say. */
   private visualPose: Matrix3x3 | null = null;
+  /** Of a photo: from who gave it, or set by hand. */
+  private isTiltKnown = false;
   private watch: Watch | null = null;
   private readonly meter = new Meter();
   private readonly panel = new LightPanel();
@@ -110,12 +112,14 @@ export class App {
     return this.openCamera(facing === "user" ? "environment" : "user");
   }
 
-  async openPhoto(file: Blob | Promise<Blob>, tiltRad = ASSUMED_TILT_RAD): Promise<void> {
+  /** @param tiltRad of the camera, where it is known. */
+  async openPhoto(file: Blob | Promise<Blob>, tiltRad?: number): Promise<void> {
     try {
       const picture = await Photo.open(await file);
       this.go({ what: "photo-opened", picture });
       this.forget();
-      this.show(picture, tiltRad);
+      this.isTiltKnown = tiltRad !== undefined;
+      this.show(picture, tiltRad ?? ASSUMED_TILT_RAD);
     } catch (error) {
       this.notice.show(error);
     }
@@ -159,6 +163,7 @@ export class App {
   /** After tilt, height or field of view were set by hand: the object keeps its place on screen. */
   cameraWasSet(lightToo: boolean): void {
     const place = this.stage.place();
+    this.isTiltKnown = true;
     if (this.state.shows === "frozen") {
       this.state = { ...this.state, heldPose: worldFromCamera(0, this.tiltRad) };
     }
@@ -278,6 +283,10 @@ export class App {
   private lit(seen: Seen): void {
     const isFirst = this.seen === null;
     this.seen = seen;
+    if (seen.pitchRad !== null && !this.isTiltKnown) {
+      this.tiltRad = seen.pitchRad;
+      this.placeAgain();
+    }
     this.stage.setLight(seen.light, seen.frame === "world" ? IDENTITY : this.pose());
     const worldFromCamera = seen.frame === "world" ? this.pose() : null;
     this.panel.show({ light: seen.light, worldFromCamera });

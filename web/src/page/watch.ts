@@ -2,7 +2,9 @@
 
 import {
   type Confidence,
+  type Estimate,
   type Estimator,
+  headsIn,
   Light,
   type Matrix3x3,
   onEachFrame,
@@ -14,6 +16,8 @@ const PHOTO_ROWS = 256;
 const LIVE_ROWS = 128;
 /** Between two lights of all frames: the object's light follows no faster than this. */
 const LIVE_MS = 200;
+/** A tilt that two of three times is off by less is better than the usual one. */
+const SURE_PITCH_RAD = 0.17;
 
 /** The light of what is shown. */
 export interface Seen {
@@ -24,6 +28,8 @@ export interface Seen {
   readonly confidence: Confidence | null;
   /** More of the same photo's light is to come. */
   readonly isFirst: boolean;
+  /** How the camera was tilted, as the photo says it; null where it does not. */
+  readonly pitchRad: number | null;
 }
 
 /** A frame of a film was looked at. */
@@ -113,12 +119,13 @@ export class Watch {
         tookMs: first.preprocessMs + first.runMs,
       });
       const light = new Light(first.lighting, null);
-      this.watcher.seen({ light, frame: "camera", confidence: null, isFirst: true });
+      const pitchRad = this.pitchOf(first.others);
+      this.watcher.seen({ light, frame: "camera", confidence: null, isFirst: true, pitchRad });
     });
     if (!estimate?.scene || isGone()) return;
     const { scene, confidence } = estimate;
     const light = Light.of(scene, null, scene.lamps);
-    this.watcher.seen({ light, frame: "camera", confidence, isFirst: false });
+    this.watcher.seen({ light, frame: "camera", confidence, isFirst: false, pitchRad: null });
   }
 
   private async track(picture: Picture): Promise<void> {
@@ -143,6 +150,15 @@ export class Watch {
     if (!tracked.light) return;
     this.litMs = now;
     const light = Light.of(tracked.light, null);
-    this.watcher.seen({ light, frame: "world", confidence: null, isFirst: false });
+    const nothingMore = { confidence: null, isFirst: false, pitchRad: null };
+    this.watcher.seen({ light, frame: "world", ...nothingMore });
+  }
+
+  /** Where the network says it and is sure enough. */
+  private pitchOf(others: Estimate["others"]): number | null {
+    const { model } = this.estimator;
+    const heads = model && headsIn(others, model.contract);
+    const { pitch_rad: pitch, pitch_scale: scale } = heads ?? {};
+    return pitch !== undefined && scale !== undefined && scale < SURE_PITCH_RAD ? pitch : null;
   }
 }

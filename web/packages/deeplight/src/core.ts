@@ -4,7 +4,7 @@
  */
 export * from "./contract/generated.ts";
 export { EstimateError, type EstimateErrorKind } from "./errors.ts";
-export type { Confidence } from "./estimate/confidence.ts";
+export { type Confidence, headsIn } from "./estimate/confidence.ts";
 export { type Estimate, Estimator, type ModelFacts } from "./estimate/estimator.ts";
 export type { Frame } from "./estimate/picker.ts";
 export type { Tracked } from "./estimate/tracker.ts";

@@ -204,6 +204,12 @@ export const CONFIDENCE = {
   "BLANK_LEVELS": 3.0
 } as const;
 
+export const SURENESS_LIMITS = {
+  "direction": 60.0,
+  "brightness": 0.9,
+  "colour": 8.0
+} as const;
+
 export const SCENE_FILE = {
   "lamps": {
     "in_environment": true,

@@ -1,21 +1,23 @@
 /** How sure an estimate is: how much the answers to the same photo, flipped and cropped, differ. confidence.py. */
-import { CONFIDENCE } from "../contract/generated.ts";
+import { CONFIDENCE, SURENESS_LIMITS } from "../contract/generated.ts";
 import { luminous } from "../light/lamp.ts";
 import { findMainLight } from "../light/main-light.ts";
 import type { Vector3 } from "../light/matrix.ts";
 import { solidAngles } from "../light/mirror-ball.ts";
 import type { Contract } from "../network/contract.ts";
+import type { Dense } from "../network/onnx.ts";
 import type { PlacedPhoto } from "../scene/image-plane.ts";
 import type { Framing } from "./framing.ts";
 
 export type Word = "roughly known" | "not known";
 
+/**
+ * How far off the light may be: by the network's own word, which holds for two of three such photos;
+ * of a network without heads, how far its answers to the same photo flipped and cropped differ.
+ */
 export interface Confidence {
-  /** Mean angle between their main lights and the first's. */
   readonly directionDeg: number;
-  /** Standard deviation of the power, in doublings. */
   readonly brightnessStops: number;
-  /** Mean angle between their colours and the first's. */
   readonly colourDeg: number;
   /** Whether a main light stands out at all. */
   readonly hasDirection: boolean;
@@ -79,6 +81,47 @@ export function confidenceOf(
     colour: word(false),
   };
   return { directionDeg, brightnessStops, colourDeg, hasDirection, words, warnings };
+}
+
+/** What a network says besides light, by name; null where it has no such output. */
+export function headsIn(
+  others: ReadonlyMap<string, Dense>,
+  { heads, heads_name }: Contract,
+): Readonly<Record<string, number>> | null {
+  const output = others.get(heads_name);
+  if (!output || heads.length === 0) return null;
+  return Object.fromEntries(heads.map((name, i) => [name, output.data[i]!]));
+}
+
+/** By the network's own word: sureness.py. */
+export function surenessOf(
+  heads: Readonly<Record<string, number>>,
+  logRadiance: Float32Array,
+  photo: PlacedPhoto,
+): Confidence {
+  const hasDirection = aboutBall(logRadiance).share > FAINT_SHARE;
+  const warnings = warningsOf(photo);
+  const scales = {
+    direction: heads.direction_scale! * DEGREES,
+    brightness: heads.brightness_scale! / Math.LN2,
+    colour: heads.colour_scale! * DEGREES,
+  };
+  const word = (name: keyof typeof scales): Word => {
+    const isVague = scales[name] >= SURENESS_LIMITS[name] || warnings.length > 0;
+    return isVague || (name === "direction" && !hasDirection) ? "not known" : "roughly known";
+  };
+  return {
+    directionDeg: scales.direction,
+    brightnessStops: scales.brightness,
+    colourDeg: scales.colour,
+    hasDirection,
+    words: {
+      direction: word("direction"),
+      brightness: word("brightness"),
+      colour: word("colour"),
+    },
+    warnings,
+  };
 }
 
 interface About {

@@ -16,8 +16,10 @@ import {
   CROPS,
   confidenceOf,
   cutFraming,
+  headsIn,
   mirroredBall,
   mirroredPlanes,
+  surenessOf,
 } from "./confidence.ts";
 import { download } from "./download.ts";
 import { framePhoto } from "./framing.ts";
@@ -153,7 +155,8 @@ async function estimate(frame: Frame, fov?: number, sceneRows?: number): Promise
   const plane = planeOf(photo, framing.verticalFovRad);
   const small = sceneRows ? reducedSize(photo, plane, sceneRows) : null;
   const whole = small && new CellMeans(wholePhoto(photo, small));
-  const cuts = whole ? CROPS.map((crop) => new CellMeans(cutFraming(framing, crop))) : [];
+  const asksAgain = whole !== null && contract.heads.length === 0;
+  const cuts = asksAgain ? CROPS.map((crop) => new CellMeans(cutFraming(framing, crop))) : [];
   const isReversed = await picker.pick(frame, means, ...(whole ? [whole] : []), ...cuts);
   frame.close();
   const planes = means.planes(contract.input_low, contract.input_high, isReversed);
@@ -168,6 +171,8 @@ async function estimate(frame: Frame, fov?: number, sceneRows?: number): Promise
   const placed = { ...small, pixels: whole.rgb(isReversed), plane };
   const ball = new Lighting(logRadiance).radiance();
   const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract));
+  const heads = headsIn(others, contract);
+  if (heads) return { ...answer, scene, confidence: surenessOf(heads, logRadiance, placed) };
   const answers = [
     mirroredBall(network.estimate(mirroredPlanes(planes, contract)).logRadiance),
     ...cuts.map((cut) => {
