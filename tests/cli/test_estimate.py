@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from deeplight.cli.main import main
+from deeplight.contract import CONTRACT_VERSION
 from deeplight.io import lighting_file
 from deeplight.io.environment_file import load_lighting, read_environment
 from deeplight.io.photos import read_photo
@@ -50,7 +51,7 @@ def test_a_photo_gives_environment_description_and_preview(photos, estimate, tmp
     assert environment.shape == (256, 512, 3)
     assert environment.dtype == np.float32
     record = json.loads((tmp_path / "out/scene.json").read_text())
-    assert record["contract_version"] == 2
+    assert record["contract_version"] == CONTRACT_VERSION
     assert len(record["model"]["sha256"]) == 64
     assert record["photo"] == {"file": "scene.jpg", "width": 360, "height": 480}
     assert record["framing"]["fov_source"] == "assumed"
