@@ -42,10 +42,10 @@ def seen(radiance: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 
 def made_up() -> deeplight.Environment:
-    """A grey room, darker below, with a window up on the right."""
+    """A grey room, darker below, with a window on the right."""
     room = np.full((256, 512, 3), 0.3, np.float32)
     room[128:] = 0.15
-    room[60:110, 300:350] = (30, 33, 40)
+    room[96:126, 262:310] = (3, 3.3, 4)
     return deeplight.Environment(room, unit="file")
 
 

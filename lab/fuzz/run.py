@@ -26,7 +26,7 @@ from lab.fuzz.readers import readers_of
 from lab.fuzz.seeds import OBJ, SEEDS
 
 HANG_S = 10.0
-BUSY = 6  # so many times as long, where the processor has not been given
+BUSY = 6  # times as long, where the processor has not been given
 START_S = 120.0
 MOST_BYTES = 1_500_000_000
 LIMIT_BYTES = 4_000_000_000

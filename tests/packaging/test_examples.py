@@ -1,6 +1,7 @@
 """The numbered examples: public names only, and they run."""
 
 import ast
+import json
 import runpy
 from pathlib import Path
 
@@ -44,3 +45,17 @@ def test_a_filmed_frame_is_a_photo_of_the_panorama(tmp_path: Path, root: Path) -
     assert photos[1][480, 270] < 200
     assert deeplight.estimate(tmp_path / "ahead.jpg", height=64).frame == "camera"
     assert Image.open(tmp_path / "ahead.jpg").getexif().get_ifd(0x8769)[0xA405] > 0
+
+
+def test_the_notebook_runs_from_top_to_bottom(tmp_path: Path, root: Path, monkeypatch) -> None:
+    """Its code in one process, in order; what it writes lands in a folder of ours."""
+    notebook = json.loads((root / "examples/light_of_a_photo.ipynb").read_text())
+    (tmp_path / "examples").symlink_to(root / "examples")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    for number, code in enumerate(cells):
+        exec(compile(code, f"cell {number}", "exec"), names)
+    assert len(cells) >= 8
+    assert (tmp_path / "out/notebook/light.glb").stat().st_size > 1000
+    assert all(cell.get("outputs", []) == [] for cell in notebook["cells"])  # kept small

@@ -1,6 +1,7 @@
 """The tree itself: one version, short functions, nothing private in it."""
 
 import ast
+import re
 import subprocess
 import tomllib
 import zipfile
@@ -8,6 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+
+from deeplight.cli.main import VERBS
 
 LONGEST_FUNCTION = 60
 LONGEST_FILE = 400
@@ -29,7 +32,32 @@ def tracked(root: Path) -> list[Path]:
 
 
 def python_files(root: Path) -> list[Path]:
-    return sorted((root / "src").rglob("*.py"))
+    folders = ("src", "lab", "benchmarks", "examples", "docs")
+    return sorted(path for name in folders for path in (root / name).rglob("*.py"))
+
+
+def test_the_readme_names_every_verb_and_links_every_document(root: Path) -> None:
+    text = (root / "README.md").read_text()
+    assert [verb for verb in VERBS if f"deeplight {verb}" not in text] == []
+    documents = {path.name for path in (root / "docs").glob("*.md")}
+    assert [name for name in sorted(documents) if f"(docs/{name})" not in text] == []
+    shelves = (root / "mkdocs.yml").read_text()
+    assert [name for name in sorted(documents) if f" {name}\n" not in shelves] == []
+
+
+PLAIN = re.compile(r"\b(told|tells?|beside|so many)\b", re.IGNORECASE)
+"""Words that have a plainer one: say, print, report, next to, number of."""
+
+
+def test_words_are_plain(tracked: list[Path], root: Path) -> None:
+    found = []
+    for path in tracked:
+        if path == Path(__file__) or path.name == "package-lock.json":
+            continue
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            if PLAIN.search(line.replace(".tell()", "")):
+                found.append(f"{path.relative_to(root)}:{number} {line.strip()[:60]}")
+    assert found == []
 
 
 def test_every_place_names_the_same_version(root: Path) -> None:

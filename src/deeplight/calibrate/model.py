@@ -46,8 +46,8 @@ def write_with_gains(model: Path, out: Path, log_gains: Sequence[float], note: s
             shift = np.pad(shift, (FLUX.start, LAMP_NUMBERS - FLUX.stop))
         _add_to_bias(graph, [node for node in layers if node.input[1] == weight], shift)
     contract = ModelContract.from_json(entry.value)
-    told = "; ".join(part for part in (contract.trained_on, note) if part)
-    entry.value = replace(contract, trained_on=told).to_json()
+    trained_on = "; ".join(part for part in (contract.trained_on, note) if part)
+    entry.value = replace(contract, trained_on=trained_on).to_json()
     onnx.checker.check_model(graph)
     with replacing(out) as temporary:
         onnx.save(graph, str(temporary))

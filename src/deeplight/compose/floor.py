@@ -24,7 +24,7 @@ LEAST_DEPRESSION_RAD = float(np.radians(8))
 UNEVEN = 0.16
 """A patch whose colour varies by more than this (standard deviation of ln radiance) is not free."""
 _AWAY = 0.25  # what being one shorter side away from the usual place costs, in that unit
-_DARKEST = 0.01  # radiance: where it is darker nothing can be told apart
+_DARKEST = 0.01  # radiance: where it is darker nothing can be distinguished
 _MOST_DARK = 0.3  # of a patch
 
 

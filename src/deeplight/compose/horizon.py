@@ -17,7 +17,7 @@ from deeplight.frames import world_from_camera
 from deeplight.preprocess import mean_over_cells
 
 _SIDE = 320  # pixels along the longer side that are looked at
-_EDGES = 3000  # the strongest so many
+_EDGES = 3000  # number of the strongest
 _BLUR_PX = 0.8  # more makes real edges rarer and the tilt worse
 _LEAN_DEG = 35.0  # an upright edge leans by less than this in the picture
 _AGREES_DEG = 1.5  # spread of an edge's direction

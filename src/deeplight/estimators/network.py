@@ -27,7 +27,7 @@ MAX_THREADS = 4
 """More threads than this make so small a network slower, not faster."""
 
 NETWORK_SIDE = 896
-"""Pixels along a photo's longer side that the network's input needs: from so many on the light
+"""Pixels along a photo's longer side that the network's input needs: from this number on the light
 differs by 0.016 in ln radiance from the whole photo's, from half of them by 0.05."""
 
 WHOLE_VIEW = 0.995

@@ -36,10 +36,10 @@ class FilmedEpochs:
             raise ConfigError("recipe.train_takes of at least 1", "0", "correct it")
         self.hdri, self.folder, self.engine = hdri, folder, engine
         self.recipe = replace(recipe, eval_takes=0, seen_takes=0)
-        jobs, simulation, told = arranged(hdri, self.recipe)
+        jobs, simulation, described = arranged(hdri, self.recipe)
         self.places = tuple(sorted({place.name for place in simulation.places["train"]}))
         self.length = sum(job.count for job in jobs)
-        self.fingerprint = sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+        self.fingerprint = sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
 
     def epoch(self, number: int) -> DataSet:
         """The data set of an epoch; killed in the middle, it goes on where it was.

@@ -183,8 +183,8 @@ def plan(folder: Path, out: Path, recipe: Recipe) -> tuple[ShardPlan, Simulation
         ConfigError: the recipe films nothing in these panoramas.
         DataSetError: no panoramas, or `out` holds a data set of another recipe.
     """
-    jobs, simulation, told = arranged(folder, recipe)
-    return ShardPlan.begin(out, jobs, {PAPER_RIG.name: PAPER_RIG.to_dict()}, told), simulation
+    jobs, simulation, described = arranged(folder, recipe)
+    return ShardPlan.begin(out, jobs, {PAPER_RIG.name: PAPER_RIG.to_dict()}, described), simulation
 
 
 def arranged(folder: Path, recipe: Recipe) -> tuple[list[ShardJob], Simulation, dict[str, Any]]:

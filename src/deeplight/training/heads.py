@@ -117,8 +117,9 @@ def answers(
 
 
 def turned(background: np.ndarray, quarters: int) -> Float[np.ndarray, "3 height width"]:
-    """The network's input from a background that lies on its side or head: so many quarter turns
-    clockwise would make it upright. Without EXIF data a photo on its side is taken as it lies."""
+    """The network's input from a background that lies on its side or head: this many quarter
+    turns clockwise would make it upright. Without EXIF data a photo on its side is taken as it
+    lies."""
     if quarters == 0:
         return normalise(background[None])[0]
     photo = np.ascontiguousarray(np.rot90(background, quarters))

@@ -98,7 +98,7 @@ def mirror_pictures(
         size = round(filmed.shape[-1] ** 0.5)
         plate = clean_plate(filmed.reshape(-1, 3, size, size))
         # A filmed pixel of the rim is part ball and part background, which no rendering knows:
-        # laid over the plate it would tell filmed from predicted whatever the light.
+        # laid over the plate it would distinguish filmed from predicted whatever the light.
         alpha = whole.reshape(-1, 1, size, size)
         pictures = []
         for ball in (target_pixels(filmed, form), pixels_of(rendered, whole)[:, 0]):

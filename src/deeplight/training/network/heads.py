@@ -1,6 +1,6 @@
 """What a network says besides light: of the camera, and how sure it is. Our choice.
 
-A small branch beside the latent vector, on features that are trained for light and stay as they
+A small branch next to the latent vector, on features that are trained for light and stay as they
 are. Each number has a scale next to it, which is learnt with it.
 """
 

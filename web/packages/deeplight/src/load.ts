@@ -31,7 +31,7 @@ export interface EstimateOptions {
   readonly verticalFovRad?: number | undefined;
   /**
    * Puts the photo's own pixels where the camera looked, and lamps at their size, into a panorama of
-   * so many rows (even, 64 to 2048): `Light.panorama`. Left out, the light is the network's alone.
+   * this number of rows (even, 64 to 2048): `Light.panorama`. Left out, the light is the network's alone.
    */
   readonly rows?: number | undefined;
 }

@@ -15,7 +15,7 @@ export interface Grid {
   readonly inputWidth: number;
 }
 
-/** The whole of a photo as so many cells. */
+/** The whole of a photo as this number of cells. */
 export function wholePhoto(photo: Size, cells: Size): Grid {
   return {
     photoHeight: photo.height,

@@ -84,7 +84,7 @@ export class Estimator {
    * taken to span 66 degrees. Null when a newer frame took its place, after `close`, and where
    * `loaded` fails.
    *
-   * @param sceneRows also puts the photo into its light: a panorama of so many rows.
+   * @param sceneRows also puts the photo into its light: a panorama of this number of rows.
    * @param first then gets the network's light alone as soon as it is there.
    */
   async estimate(

@@ -16,7 +16,7 @@ import type { FusedRequest, TrackRequest } from "./worker.ts";
 /** Turned by less, and with pixels that differ by less on average, a frame says nothing new. */
 const STILL_RAD = 0.004;
 const STILL_LEVELS = 1.5;
-/** So many pictures in a row that show nothing known, and the place counts as left. */
+/** This number of pictures in a row that show nothing known, and the place counts as left. */
 const PATIENCE = 8;
 
 /** What became of a frame. */

@@ -34,7 +34,7 @@ interface WithFrame {
 export type Request =
   /** The address of a model file, or its bytes. */
   | { readonly load: string | Uint8Array }
-  /** One frame for itself; with `sceneRows` put into its light, a panorama of so many rows. */
+  /** One frame for itself; with `sceneRows` put into its light, a panorama of this number of rows. */
   | (WithFrame & { readonly sceneRows?: number | undefined })
   /** One of many frames of a place. */
   | (WithFrame & { readonly track: TrackRequest })

@@ -163,7 +163,7 @@ function brightest(power: Float32Array, height: number): Vector3 {
   return [x!, y!, z!];
 }
 
-/** e^(kappa (cos - 1)) between texels of two rows so many columns apart. */
+/** e^(kappa (cos - 1)) between texels of two rows a number of columns apart. */
 const nearness = remembered((rows: number): Float32Array => {
   const columns = 2 * rows;
   const directions = texelDirections(rows);
