@@ -22,7 +22,7 @@ from deeplight.mappings.mirror_ball import pixel_directions
 from deeplight.transfer import file as transfer_file
 from deeplight.transfer.ground import Ground
 from deeplight.transfer.precompute import TransferSettings, precompute
-from deeplight.transfer.view import Eye, View, view
+from deeplight.transfer.view import Eye, RenderedView, view
 
 FILE = GOLDEN / "transfer.json"
 EYE = Eye((0.7, 0.8, 1.9), (0, 0.4, 0), 0.7, 48, 48)
@@ -83,7 +83,7 @@ def pixels(radiance: np.ndarray) -> np.ndarray:
     return CameraResponse().pixel_from_radiance(radiance) * 255
 
 
-def ground_pixels(seen: View) -> np.ndarray:
+def ground_pixels(seen: RenderedView) -> np.ndarray:
     """An even ground under the shadow; -1 where the page fades it out, and on the object."""
     directions = EYE.directions.reshape(*seen.cover.shape, 3)
     at = np.array(EYE.place) - directions * (EYE.place[1] / directions[..., 1:2])

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("onnx")
 
-from deeplight.calibrate.gains import GRID, Calibration, Views, find_gains, shrunk, views_of
+from deeplight.calibrate.gains import GRID, ClipViews, GainCalibration, find_gains, shrunk, views_of
 from deeplight.calibrate.model import write_with_gains
 from deeplight.camera_response import encode
 from deeplight.cli.main import main
@@ -46,7 +46,7 @@ def filmed(places, log_gains, noise=0.0, seed=1):
     rendered = rendered_radiance(BASES, light)
     gain = np.exp([log_gains + moved[name] for name in names]).astype(np.float32)[:, None, None]
     pixels = {name: encode(np.clip(values * gain, 0, 1)) for name, values in rendered.items()}
-    return Views(names, rendered, pixels, BASES)
+    return ClipViews(names, rendered, pixels, BASES)
 
 
 def test_the_gains_of_a_phone_are_found_wherever_it_filmed():
@@ -180,7 +180,7 @@ def test_what_cannot_be_used_is_one_line(clips, tmp_path, monkeypatch, capfd, wo
 def test_every_split_of_the_clips_is_looked_at(clips):
     views = views_of(Even(), open_dataset(clips))
     assert sum(len(part.places) for part in views) == 8
-    assert isinstance(find_gains(views), Calibration)
+    assert isinstance(find_gains(views), GainCalibration)
 
 
 def test_a_network_of_others_is_refused(tmp_path):

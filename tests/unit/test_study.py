@@ -12,7 +12,14 @@ from deeplight.io.photos import read_photo, write_png
 from deeplight.study.analyse import analyse
 from deeplight.study.answers import Answer, Key, Person, checked, read_people
 from deeplight.study.bradley_terry import Comparisons, chances, fit
-from deeplight.study.design import Session, Study, make_study, named_folders, ruined, scenes_of
+from deeplight.study.design import (
+    Session,
+    Study,
+    make_study,
+    named_folders,
+    ruined,
+    scenes_of,
+)
 
 METHODS = ("bad", "good", "middle")
 KEY = Key(

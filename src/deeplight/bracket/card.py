@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32
 
-from deeplight.bracket.exposures import Frame
+from deeplight.bracket.exposures import Exposure
 from deeplight.bracket.response import ChartSamples
 from deeplight.errors import ConfigError
 
@@ -41,7 +41,7 @@ def mean_colour(
     return colour
 
 
-def grey_patches(frames: Sequence[Frame], corners: Corners) -> ChartSamples:
+def grey_patches(frames: Sequence[Exposure], corners: Corners) -> ChartSamples:
     """Mean stored values of the chart's grey row in every frame.
 
     Args:

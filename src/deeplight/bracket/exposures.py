@@ -22,7 +22,7 @@ _BRIGHTER = 1.02  # least factor between neighbouring exposures that counts as g
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class Exposure:
     """One photograph.
 
     Attributes:
@@ -38,7 +38,7 @@ class Frame:
     focal_px: float | None
 
 
-def read_frames(paths: Sequence[Path], times: Sequence[float] = ()) -> list[Frame]:
+def read_frames(paths: Sequence[Path], times: Sequence[float] = ()) -> list[Exposure]:
     """Read a bracket, darkest exposure first.
 
     Args:
@@ -91,7 +91,7 @@ def _number(path: Path, tag: int, *names: str) -> float:
         return max(spec.get_float_attribute(name) for name in names)
 
 
-def _frame(path: Path, time: float | None) -> Frame:
+def _frame(path: Path, time: float | None) -> Exposure:
     pixels = read_photograph(path, gamma=1)
     amount = exposure_amount(path) if time is None else time
     with opened(path, MAX_PHOTO_PIXELS) as file:
@@ -104,10 +104,10 @@ def _frame(path: Path, time: float | None) -> Frame:
         focal_plane_unit=int(_number(path, 0xA210, "Exif:FocalPlaneResolutionUnit") or 2),
         original_width=int(_number(path, 0xA002, "Exif:PixelXDimension")),
     )
-    return Frame(path, pixels, linear, amount, exif.focal_length_px(width, height))
+    return Exposure(path, pixels, linear, amount, exif.focal_length_px(width, height))
 
 
-def _check_growing(frames: Sequence[Frame]) -> None:
+def _check_growing(frames: Sequence[Exposure]) -> None:
     """Photos whose times were given in another order than the photos do not grow brighter."""
     for darker, brighter in pairwise(frames):
         if brighter.amount < darker.amount * _BRIGHTER:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, Float64, Shaped
 
-from deeplight.bracket.exposures import Frame
+from deeplight.bracket.exposures import Exposure
 from deeplight.bracket.response import Response
 from deeplight.errors import ConfigError
 
@@ -36,7 +36,7 @@ class Merged:
     dark: float
 
 
-def aligned(frames: Sequence[Frame], shift: bool = False) -> list[Frame]:
+def aligned(frames: Sequence[Exposure], shift: bool = False) -> list[Exposure]:
     """The frames, shifted by whole pixels onto the middle one if they may be.
 
     Raises:
@@ -60,7 +60,7 @@ def aligned(frames: Sequence[Frame], shift: bool = False) -> list[Frame]:
     ]
 
 
-def offset_between(before: Frame, after: Frame) -> tuple[int, int]:
+def offset_between(before: Exposure, after: Exposure) -> tuple[int, int]:
     """Pixels (right, down) that lay `after` onto `before`; 0 unless that clearly fits better.
 
     Phase correlation of the edges that both exposures show; logarithms make them alike. How well
@@ -89,7 +89,7 @@ def _misfit(one: Grey, other: Grey) -> float:
     return 1 - float(np.corrcoef(one[usable], other[usable])[0, 1])
 
 
-def merged(frames: Sequence[Frame], response: Response) -> Merged:
+def merged(frames: Sequence[Exposure], response: Response) -> Merged:
     """Weighted mean over the exposures of linear value over exposure amount.
 
     A value weighs as much as the light behind it, not at all near white in any channel and little
@@ -111,7 +111,7 @@ def merged(frames: Sequence[Frame], response: Response) -> Merged:
     return Merged(radiance.astype(np.float32), float(clipped.mean()), float(dark_everywhere))
 
 
-def _trust(frame: Frame) -> Float32[np.ndarray, "height width"]:
+def _trust(frame: Exposure) -> Float32[np.ndarray, "height width"]:
     """0 where a pixel is white, little where it is black, else 1.
 
     A linear file clips at its own maximum, if many pixels share that.
@@ -126,7 +126,7 @@ def _trust(frame: Frame) -> Float32[np.ndarray, "height width"]:
     return np.asarray(np.where(shown < 0.98 * white, 1, 0), np.float32)
 
 
-def _log_grey(frame: Frame) -> Grey:
+def _log_grey(frame: Exposure) -> Grey:
     """ln of the grey value; NaN where it is too dark or too bright to say."""
     grey = frame.pixels.mean(-1)
     if frame.linear:

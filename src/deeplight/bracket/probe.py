@@ -10,7 +10,7 @@ from jaxtyping import Float, Float32
 
 from deeplight.bracket.ball import Circle, find_circle, unwrapped
 from deeplight.bracket.card import Corners, Rectangle, grey_patches, mean_colour
-from deeplight.bracket.exposures import Frame, exposure_amount, read_frames
+from deeplight.bracket.exposures import Exposure, exposure_amount, read_frames
 from deeplight.bracket.merge import Merged, aligned, merged
 from deeplight.bracket.response import Response, recovered
 from deeplight.brdf import REFLECTIVITY
@@ -102,7 +102,7 @@ def measure(paths: Sequence[Path], settings: ProbeSettings) -> Probe:
     return Probe(environment, picture, circle, facts)
 
 
-def _response(frames: Sequence[Frame], settings: ProbeSettings) -> Response:
+def _response(frames: Sequence[Exposure], settings: ProbeSettings) -> Response:
     if settings.chart:
         return recovered(frames, grey_patches(frames, settings.chart))
     if frames[0].linear:
@@ -113,7 +113,7 @@ def _response(frames: Sequence[Frame], settings: ProbeSettings) -> Response:
 
 
 def _scale(
-    found: Merged, frames: Sequence[Frame], settings: ProbeSettings
+    found: Merged, frames: Sequence[Exposure], settings: ProbeSettings
 ) -> tuple[Float[np.ndarray, "3"], Unit, str]:
     """Factor of each channel, the unit that it gives, and a sentence on it.
 
@@ -143,7 +143,7 @@ def _whole(picture: Float32[np.ndarray, "height width 3"]) -> np.ndarray:
     return picture
 
 
-def _exposures(frames: Sequence[Frame]) -> str:
+def _exposures(frames: Sequence[Exposure]) -> str:
     span = np.log2(frames[-1].amount / frames[0].amount)
     return f"{len(frames)} exposures over {span:.1f} stops"
 

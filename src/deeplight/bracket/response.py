@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64
 
-from deeplight.bracket.exposures import Frame
+from deeplight.bracket.exposures import Exposure
 from deeplight.camera_response import GAMMA, decode
 
 LEVELS = 256
@@ -55,7 +55,7 @@ class ChartSamples:
     reflectances: Float[np.ndarray, " patches"]
 
 
-def recovered(frames: Sequence[Frame], chart: ChartSamples | None = None) -> Response:
+def recovered(frames: Sequence[Exposure], chart: ChartSamples | None = None) -> Response:
     """The response that explains a bracket, from some hundred of its quiet pixels."""
     rows, columns = quiet_pixels(frames)
     values = np.stack([frame.pixels[rows, columns] for frame in frames])  # (frames, samples, 3)
@@ -71,7 +71,7 @@ def recovered(frames: Sequence[Frame], chart: ChartSamples | None = None) -> Res
     return Response("recovered from the bracket", np.stack(curves, axis=1))
 
 
-def quiet_pixels(frames: Sequence[Frame]) -> tuple[Int64[np.ndarray, " n"], ...]:
+def quiet_pixels(frames: Sequence[Exposure]) -> tuple[Int64[np.ndarray, " n"], ...]:
     """Rows and columns of pixels without edges, spread over all brightnesses."""
     middle = frames[len(frames) // 2].pixels.mean(-1)
     down, across = np.gradient(middle)

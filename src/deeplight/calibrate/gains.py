@@ -35,7 +35,7 @@ Gains = Float64[np.ndarray, "3"]
 
 
 @dataclass(frozen=True, eq=False)
-class Views:
+class ClipViews:
     """Examples of one rig: their spheres, filmed, and rendered in the model's light.
 
     Attributes:
@@ -70,7 +70,7 @@ class Views:
 
 def views_of(
     model: BatchEstimator, data: DataSet, progress: Callable[[int], None] = lambda examples: None
-) -> list[Views]:
+) -> list[ClipViews]:
     """Look at every place of a data set, whatever its splits are called."""
     found = []
     for split in data.splits:
@@ -83,7 +83,7 @@ def views_of(
             light = np.concatenate([_light(model, chunk) for chunk in _chunks(examples)])
             bases = data.bases(str(rig), light.shape[1])
             rendered = rendered_radiance(bases, light)
-            found.append(Views(index.places[numbers], rendered, filmed_pixels(examples), bases))
+            found.append(ClipViews(index.places[numbers], rendered, filmed_pixels(examples), bases))
             progress(len(numbers))
     return found
 
@@ -106,7 +106,7 @@ def _light(model: BatchEstimator, examples: Sequence[Example]) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class GainCalibration:
     """What was found, and what it does in places it was not found in.
 
     Attributes:
@@ -122,7 +122,7 @@ class Calibration:
     after: dict[str, float]
 
 
-def find_gains(views: Sequence[Views]) -> Calibration:
+def find_gains(views: Sequence[ClipViews]) -> GainCalibration:
     """Find the gains; keep what helps places that were left out in turn.
 
     Raises:
@@ -155,7 +155,7 @@ def find_gains(views: Sequence[Views]) -> Calibration:
         )
     found = shrunk(_best(table.mean(0))[None], *strength)[0]
     red, green, blue = (float(value) for value in found)
-    return Calibration((red, green, blue), len(names), *means)
+    return GainCalibration((red, green, blue), len(names), *means)
 
 
 def _gentlest(changes: dict[tuple[float, float], np.ndarray]) -> tuple[float, float]:
@@ -194,7 +194,7 @@ def shrunk(
 
 
 def _by_place(
-    views: Sequence[Views], log_gains: np.ndarray, places: np.ndarray
+    views: Sequence[ClipViews], log_gains: np.ndarray, places: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Mean of each metric in each place."""
     ends = np.cumsum([len(part.places) for part in views])[:-1]

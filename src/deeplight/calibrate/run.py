@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from deeplight.calibrate.gains import Calibration, find_gains, views_of
+from deeplight.calibrate.gains import GainCalibration, find_gains, views_of
 from deeplight.calibrate.model import write_with_gains
 from deeplight.dataset import open_dataset
 from deeplight.estimators.onnx import OnnxEstimator, shipped_model
@@ -15,7 +15,7 @@ def calibrate_model(
     out: Path,
     weights: Path | None = None,
     progress: Callable[[int], None] = lambda examples: None,
-) -> Calibration:
+) -> GainCalibration:
     """Write a model whose light suits the phone that filmed some data sets; only if it is better.
 
     Args:

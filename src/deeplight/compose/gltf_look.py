@@ -14,7 +14,7 @@ GLOSSY = "KHR_materials_pbrSpecularGlossiness"
 
 
 @dataclass(frozen=True)
-class Place:
+class TexturePlace:
     """Where a texture lies on its coordinates: KHR_texture_transform, scaled, turned, moved."""
 
     offset: tuple[float, float] = (0.0, 0.0)
@@ -47,7 +47,7 @@ class MaterialLook:
     metallic: float = 1.0
     roughness_map: int | None = None
     uv_set: int = 0
-    uv_place: Place = Place()
+    uv_place: TexturePlace = TexturePlace()
     lost: bool = False
     notes: tuple[str, ...] = ()
     given: bool = True
@@ -96,12 +96,12 @@ def _colour(factor: Any) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _placing(info: Mapping[str, Any]) -> tuple[int, Place]:
+def _placing(info: Mapping[str, Any]) -> tuple[int, TexturePlace]:
     """Give a texture's set of coordinates and its place on them."""
     moved = info.get("extensions", {}).get(TRANSFORM, {})
     across, down = (float(value) for value in moved.get("offset", (0, 0)))
     wide, high = (float(value) for value in moved.get("scale", (1, 1)))
-    place = Place((across, down), float(moved.get("rotation", 0)), (wide, high))
+    place = TexturePlace((across, down), float(moved.get("rotation", 0)), (wide, high))
     return int(moved.get("texCoord", info.get("texCoord", 0))), place
 
 

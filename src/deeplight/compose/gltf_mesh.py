@@ -2,7 +2,7 @@
 
 Everything that decides how the object looks in its rest pose is applied; what is not (cameras,
 animations, lights) does not belong to the object. What belongs to it and cannot be applied is
-said in `Part.notes` or refused by name.
+said in `MeshPart.notes` or refused by name.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ Matrix = Float[np.ndarray, "4 4"]
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class MeshPart:
     """Triangles of one material.
 
     Attributes:
@@ -48,7 +48,7 @@ class Part:
     notes: tuple[str, ...] = ()
 
 
-def read(file: GltfFile, max_triangles: int) -> list[Part]:
+def read(file: GltfFile, max_triangles: int) -> list[MeshPart]:
     """Read the triangles of a file's scene.
 
     Raises:
@@ -61,7 +61,7 @@ def read(file: GltfFile, max_triangles: int) -> list[Part]:
             raise ImageFileError("a mesh that we can read", f"{file.path}, which needs {name}", DO)
     places = world_from_node(file)
     looks, joints = cache(partial(look, file)), partial(_joints, file, places)
-    read_once: dict[tuple[Any, ...], Part] = {}
+    read_once: dict[tuple[Any, ...], MeshPart] = {}
     copies: dict[tuple[Any, ...], list[Matrix]] = {}
     triangles = 0
     for index, place in places.items():
@@ -82,18 +82,18 @@ def read(file: GltfFile, max_triangles: int) -> list[Part]:
     return _joined([part for part in parts if len(part.faces)])
 
 
-def _joined(parts: list[Part]) -> list[Part]:
+def _joined(parts: list[MeshPart]) -> list[MeshPart]:
     """Join the parts of one material where there are many: a renderer wants few."""
     if len(parts) <= MANY:
         return parts
-    groups: dict[tuple[Any, ...], list[Part]] = {}
+    groups: dict[tuple[Any, ...], list[MeshPart]] = {}
     for part in parts:
         given = (part.normals is None, part.uv is None, part.colours is None)
         groups.setdefault((id(part.look), part.notes, *given), []).append(part)
     return [_one(group) for group in groups.values()]
 
 
-def _one(parts: list[Part]) -> Part:
+def _one(parts: list[MeshPart]) -> MeshPart:
     starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
 
     def all_of(name: str) -> Any:
@@ -155,7 +155,7 @@ def _local(node: Mapping[str, Any]) -> Matrix:
 
 def _part(
     file: GltfFile, node: Mapping[str, Any], primitive: Mapping[str, Any], looks: Any, joints: Any
-) -> Part:
+) -> MeshPart:
     """Read one primitive as its node poses it, in the mesh's own frame (skinned: the world's)."""
     arrays, faces = _arrays(file, primitive)
     if len(faces) and faces.max() >= len(arrays["POSITION"]):
@@ -175,7 +175,9 @@ def _part(
     of = looks(primitive.get("material"))
     uv, notes = _coordinates(arrays, of)
     colours, colour_notes = _colours(arrays.get("COLOR_0"), of)
-    return Part(vertices, faces, _unit(normals), uv, colours, of, of.notes + notes + colour_notes)
+    return MeshPart(
+        vertices, faces, _unit(normals), uv, colours, of, of.notes + notes + colour_notes
+    )
 
 
 def _arrays(
@@ -312,7 +314,7 @@ def _colours(
     return None, ("colours of the vertices under a texture were left out",)
 
 
-def _placed(part: Part, places: Float[np.ndarray, "copies 4 4"]) -> Part:
+def _placed(part: MeshPart, places: Float[np.ndarray, "copies 4 4"]) -> MeshPart:
     """Give every copy of a part, each where it stands."""
     turns, count = places[:, :3, :3], len(part.vertices)
     vertices = np.einsum("kij,nj->kni", turns, part.vertices) + places[:, None, :3, 3]

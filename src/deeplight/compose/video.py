@@ -93,7 +93,7 @@ def _made_of(files: Sequence[Path], *settings: object) -> bytes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Film:
+class _Shot:
     """What the first frame decides for all of them."""
 
     settings: ComposeSettings
@@ -115,7 +115,7 @@ def _begin(
     placement: CameraPlacement,
     given: np.ndarray | None,
     gain: float,
-) -> _Film:
+) -> _Shot:
     estimator, factor = OnnxEstimator(), np.float32(gain)
     photo = Photo(first.rgb(), video)
     estimate = estimator.explain(photo, placement.fov_deg)
@@ -126,7 +126,7 @@ def _begin(
     low, high = solids[0].vertices.min(0), solids[0].vertices.max(0)
     anchor = (low + high) / 2 * [1, 0, 1]
     x, y = viewpoint.pixels(anchor[None])[0]
-    return _Film(
+    return _Shot(
         settings,
         estimator,
         light,
@@ -140,7 +140,7 @@ def _begin(
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class LightFrom:
     """A part of a video in one and the same light.
 
     Attributes:
@@ -161,7 +161,7 @@ class Lights:
         log_gain: ln of each frame's exposure and white balance over the first frame's.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[LightFrom, ...]
     log_gain: Float[np.ndarray, "frames 3"]
 
     def at(self, frame: int, turn: Rotation) -> Float[np.ndarray, "rows columns 3"]:
@@ -181,7 +181,7 @@ def gathered_lights(
         frames: upright pixels, and how the camera was turned (world_from_camera).
     """
     world = np.eye(3)
-    parts: list[Part] = []
+    parts: list[LightFrom] = []
     gains: list[np.ndarray] = []
     start, changed = 0, None  # a part that may begin, and the light before it
     for number, (pixels, turn) in enumerate(frames):
@@ -190,11 +190,11 @@ def gathered_lights(
         if added.disagreement <= CHANGED and not added.forgotten:
             changed = None
         elif changed is None:
-            changed = Part(number, session.environment(world, height=LIGHT_ROWS).radiance)
+            changed = LightFrom(number, session.environment(world, height=LIGHT_ROWS).radiance)
         if added.forgotten and changed is not None:
-            parts.append(Part(start, changed.radiance))
+            parts.append(LightFrom(start, changed.radiance))
             start, changed = changed.start, None
-    parts.append(Part(start, session.environment(world, height=LIGHT_ROWS).radiance))
+    parts.append(LightFrom(start, session.environment(world, height=LIGHT_ROWS).radiance))
     return Lights(tuple(parts), _corrected(np.stack(gains), session))
 
 
@@ -212,7 +212,7 @@ def _corrected(
     return result
 
 
-def _watched(film: _Film, video: Path) -> Lights:
+def _watched(film: _Shot, video: Path) -> Lights:
     fov_rad = film.scene.viewpoint.camera.vertical_fov_rad
 
     def estimate(pixels: np.ndarray) -> np.ndarray:
@@ -225,7 +225,7 @@ def _watched(film: _Film, video: Path) -> Lights:
 
 
 def _followed(
-    film: _Film, source: Path | Iterator[VideoFrame]
+    film: _Shot, source: Path | Iterator[VideoFrame]
 ) -> Iterator[tuple[VideoFrame, Viewpoint]]:
     """Frames, and from where each was taken."""
     stills = video_frames(source) if isinstance(source, Path) else source
@@ -238,7 +238,7 @@ def _followed(
 
 
 def _frames(
-    film: _Film, source: Iterator[VideoFrame], lights: Lights | None, kept: KeptFrames
+    film: _Shot, source: Iterator[VideoFrame], lights: Lights | None, kept: KeptFrames
 ) -> Iterator[tuple[float, UInt8[np.ndarray, "height width 3"]]]:
     """Time and pixels of every finished frame."""
     first_turn = film.scene.viewpoint.world_from_camera

@@ -35,7 +35,7 @@ Kind = Literal["any", "indoor", "outdoor"]
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class LibraryPlace:
     """One panorama of the library.
 
     Attributes:
@@ -88,11 +88,11 @@ def best_place(
     smooth: Float[np.ndarray, "rows columns 3"],
     seen: Float[np.ndarray, "rows columns 1"],
     kind: Kind = "any",
-) -> tuple[Place, int, bool]:
+) -> tuple[LibraryPlace, int, bool]:
     """The place nearest to a smooth light, by how many columns to turn it, and whether mirrored."""
     weight = latlong.solid_angles(ROWS, 2 * ROWS)[..., None] * (1 + _SEEN_COUNTS * seen)
     wanted = _comparable(smooth, weight)
-    best: tuple[float, Place, int, bool] | None = None
+    best: tuple[float, LibraryPlace, int, bool] | None = None
     for place in library():
         if kind not in ("any", place.kind):
             continue
@@ -121,14 +121,14 @@ def picture_of(radiance: Float[np.ndarray, "height width 3"]) -> UInt8[np.ndarra
 
 
 @lru_cache(maxsize=1)
-def library() -> tuple[Place, ...]:
+def library() -> tuple[LibraryPlace, ...]:
     """The places that come with the package; `python -m lab.detail_library` makes them."""
     path = resources.files("deeplight") / "weights" / FILE
     with np.load(BytesIO(path.read_bytes()), allow_pickle=False) as stored:
         ends = np.cumsum(stored["sizes"])
         content = stored["pictures"].tobytes()
         return tuple(
-            Place(str(name), str(kind), smooth.astype(np.float32), content[end - size : end])
+            LibraryPlace(str(name), str(kind), smooth.astype(np.float32), content[end - size : end])
             for name, kind, smooth, size, end in zip(
                 *(stored[key] for key in ("names", "kinds", "smooth", "sizes")), ends, strict=True
             )

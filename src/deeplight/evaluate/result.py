@@ -7,7 +7,7 @@ from deeplight.dataset import DataSet
 from deeplight.evaluate.protocols.stylelight_2022 import FORMS, three_spheres
 from deeplight.evaluate.run import AnyEstimator, KeyedEstimator, evaluate
 from deeplight.evaluate.scores import Column, Report
-from deeplight.evaluate.summary import Calibration, Summary, calibration, summarise
+from deeplight.evaluate.summary import CalibrationBin, Summary, calibration, summarise
 from deeplight.evaluate.temporal import Changes, Flicker, changes, flicker
 
 
@@ -26,7 +26,7 @@ class SplitResult:
     summaries: list[Summary]
     changes: Changes
     flicker: list[Flicker]
-    calibration: list[Calibration]
+    calibration: list[CalibrationBin]
     protocols: dict[str, dict[str, dict[str, Column]]] = field(default_factory=dict)
 
     def find(self, estimator: str, scene: str, metric: str) -> Summary | None:

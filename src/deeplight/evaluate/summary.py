@@ -104,7 +104,7 @@ def _summary(
 
 
 @dataclass(frozen=True)
-class Calibration:
+class CalibrationBin:
     """How an estimator errs in scenes of about one brightness.
 
     Attributes:
@@ -123,7 +123,9 @@ class Calibration:
     examples: int
 
 
-def calibration(report: Report, bins: int = BINS, resamples: int = RESAMPLES) -> list[Calibration]:
+def calibration(
+    report: Report, bins: int = BINS, resamples: int = RESAMPLES
+) -> list[CalibrationBin]:
     """Bins of equally many examples by true brightness; none where the true light is not known."""
     known = np.flatnonzero(np.isfinite(report.true_radiance))
     ranked = known[np.argsort(report.true_radiance[known], kind="stable")]
@@ -135,7 +137,7 @@ def calibration(report: Report, bins: int = BINS, resamples: int = RESAMPLES) ->
                 continue
             draws = PlaceBootstrap(report.places[chosen], resamples)
             found.append(
-                Calibration(
+                CalibrationBin(
                     name,
                     float(report.true_radiance[chosen[0]]),
                     float(report.true_radiance[chosen[-1]]),

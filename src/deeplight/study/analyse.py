@@ -25,7 +25,7 @@ HOW_TO_READ = (
 
 
 @dataclass(frozen=True)
-class Estimate:
+class RankInterval:
     """A number and its 95 % interval; NaN where there is nothing to resample."""
 
     value: float
@@ -44,7 +44,7 @@ class Ranked:
     """
 
     method: str
-    strength: Estimate
+    strength: RankInterval
     chosen: float
     pairs: int
 
@@ -57,7 +57,7 @@ class Contest:
     second: str
     pairs: int
     counted: float
-    modelled: Estimate
+    modelled: RankInterval
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ class Findings:
     scenes: int
     answers: int
     excluded: list[tuple[str, str]]
-    left: Estimate
-    identical: Estimate
+    left: RankInterval
+    identical: RankInterval
     median_ms: float
 
 
@@ -157,18 +157,18 @@ def _ranked(
     return ranking, contests
 
 
-def _estimate(value: float, drawn: Float64[np.ndarray, " draws"]) -> Estimate:
+def _estimate(value: float, drawn: Float64[np.ndarray, " draws"]) -> RankInterval:
     if np.ptp(drawn) == 0:  # one person and one scene
-        return Estimate(float(value), float("nan"), float("nan"))
+        return RankInterval(float(value), float("nan"), float("nan"))
     low, high = np.percentile(drawn, (2.5, 97.5))
-    return Estimate(float(value), float(low), float(high))
+    return RankInterval(float(value), float(low), float(high))
 
 
-def _share(by_person: Sequence[Sequence[bool]]) -> Estimate:
+def _share(by_person: Sequence[Sequence[bool]]) -> RankInterval:
     """The share of True, with an interval over people."""
     counts = np.array([(sum(values), len(values)) for values in by_person], float)
     if not counts[:, 1].sum():
-        return Estimate(float("nan"), float("nan"), float("nan"))
+        return RankInterval(float("nan"), float("nan"), float("nan"))
     people = len(counts)
     times = np.random.default_rng(SEED).multinomial(people, np.full(people, 1 / people), RESAMPLES)
     drawn = times @ counts
@@ -242,7 +242,7 @@ def _page(findings: Findings, figure: np.ndarray) -> Page:
     return page
 
 
-def _log_odds(found: Estimate) -> str:
+def _log_odds(found: RankInterval) -> str:
     if np.isnan(found.low):
         return f"{found.value:+.2f} (one person, one scene)"
     return f"{found.value:+.2f} ({found.low:+.2f} to {found.high:+.2f})"
@@ -252,7 +252,7 @@ def _percent(share: float) -> str:
     return "–" if np.isnan(share) else f"{100 * share:.0f} %"
 
 
-def _shares(found: Estimate) -> str:
+def _shares(found: RankInterval) -> str:
     if np.isnan(found.low):
         return _percent(found.value)
     return f"{_percent(found.value)} ({100 * found.low:.0f} to {100 * found.high:.0f} %)"

@@ -40,7 +40,7 @@ class Eye:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class RenderedView:
     """What an eye sees.
 
     Attributes:
@@ -54,7 +54,9 @@ class View:
     shadow: Float[np.ndarray, "height width 3"]
 
 
-def view(transfer: Transfer, light: Float[np.ndarray, "given 3"], finish: str, eye: Eye) -> View:
+def view(
+    transfer: Transfer, light: Float[np.ndarray, "given 3"], finish: str, eye: Eye
+) -> RenderedView:
     """Shade the vertices in `light`, in the object's frame, and look at them.
 
     Args:
@@ -84,7 +86,7 @@ def view(transfer: Transfer, light: Float[np.ndarray, "given 3"], finish: str, e
         at = place - directions[ground] * (place[1] / directions[ground, 1:2])
         shadow[ground] = _looked_up(transfer, light, at)
     shape = eye.height, eye.width, 3
-    return View(radiance.reshape(shape), cover.reshape(shape[:2]), shadow.reshape(shape))
+    return RenderedView(radiance.reshape(shape), cover.reshape(shape[:2]), shadow.reshape(shape))
 
 
 def _looked_up(transfer: Transfer, light: np.ndarray, at: np.ndarray) -> np.ndarray:
