@@ -2,7 +2,7 @@
 
 Prints processor time: of `Session.add` on 720p frames without the network, of an environment, and
 of `deeplight fuse` next to decoding the same clip: 30 s of 1080 x 1920, one turn by hand. With a
-second argument the clip is kept there, or taken from there.
+second argument the clip is kept there, or taken from there; a third films its first frames only.
 """
 
 import os
@@ -39,7 +39,7 @@ HEIGHTS = (64, 256, 512)
 Result = TypeVar("Result")
 
 
-def main(panoramas: str, clip: str | None = None) -> None:
+def main(panoramas: str, clip: str | None = None, frames: str = str(FRAMES)) -> None:
     cv2.setNumThreads(1)
     place = next(place for place in places_in(Path(panoramas)) if place.split == "val")
     panorama = load(place)
@@ -48,12 +48,12 @@ def main(panoramas: str, clip: str | None = None) -> None:
     with TemporaryDirectory() as folder:
         path = Path(clip or Path(folder) / "clip.mp4")
         if not path.exists():
-            film_clip(panorama, path)
+            film_clip(panorama, path, int(frames))
         clip_times(path)
 
 
-def film_clip(panorama: np.ndarray, path: Path) -> None:
-    """A turn by hand: smooth shake, exposure fixed, grain of a phone's sensor."""
+def film_clip(panorama: np.ndarray, path: Path, frames: int) -> None:
+    """A turn by hand or its beginning: smooth shake, exposure fixed, grain of a sensor."""
     rng = np.random.default_rng(2)
     rows, columns, _ = panorama.shape
     pixels = encode(np.minimum(panorama * (0.18 / np.median(panorama)), 1)) * 255
@@ -63,7 +63,7 @@ def film_clip(panorama: np.ndarray, path: Path) -> None:
     shake = cv2.GaussianBlur(rng.normal(0, 0.06, (FRAMES, 3)), (1, 31), 7)
     grain = rng.normal(0, 2.5, (2 * SIZE[1], 2 * SIZE[0], 1)).astype(np.int8)
     with VideoWriter(path, *SIZE, RATE_HZ, quality=QUALITY) as writer:
-        for k in range(FRAMES):
+        for k in range(frames):
             yaw, pitch, roll = shake[k] + (2 * np.pi * k / FRAMES, -0.17, 0)
             at = turned(rays, world_from_camera(yaw, pitch, roll))
             row, column = latlong.position(at, rows, columns)

@@ -338,6 +338,7 @@ class _Copied(io.StringIO):
 
 def _print(args: Args) -> None:
     network = OnnxEstimator(threads=1)
+    print(f"Weights {network.sha256[:12]}.\n")
     splits = ("val", "test") if args.split == "both" else (args.split,)
     panoramas: dict[str, list[np.ndarray]] = {}
     seen: list[Scores] = []

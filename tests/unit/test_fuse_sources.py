@@ -1,12 +1,13 @@
-"""What a photo's EXIF data say of its exposure."""
+"""What a photo's EXIF data say of its exposure; which frames of a long clip are kept."""
 
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
-from deeplight.fuse.sources import log_exposure_of
+from deeplight.fuse.sources import MOST_FRAMES, SourceFrame, log_exposure_of, thinned
 
 pytestmark = pytest.mark.needs("cv2")
 
@@ -34,3 +35,14 @@ def test_what_is_missing_or_nonsense_is_not_known(tmp_path: Path, tags: dict[str
 def test_a_file_that_is_no_photo_is_not_known(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(b"nothing")
     assert math.isnan(log_exposure_of(tmp_path / "a.jpg"))
+
+
+@pytest.mark.parametrize("length", [5, 160, 161, 1000])
+def test_of_a_long_clip_few_frames_are_kept_evenly_spread(length: int) -> None:
+    pixels = np.zeros((4, 4, 3), np.uint8)
+    frames = (SourceFrame("", pixels, number) for number in range(length))
+    numbers = [frame.number for frame in thinned(frames)]
+    assert min(length, MOST_FRAMES // 2) <= len(numbers) <= MOST_FRAMES
+    assert len(set(np.diff(numbers))) == 1
+    assert numbers[0] == 0
+    assert numbers[-1] + (numbers[1] - numbers[0]) >= length

@@ -64,7 +64,7 @@ def read_frames(paths: Sequence[Path], poses: Poses | None) -> list[SourceFrame]
     if clips and len(paths) > 1:
         raise ConfigError("one clip, or photos", f"{len(paths)} files", "fuse them one by one")
     if clips:
-        return _thinned(_of_clip(clips[0], poses))
+        return thinned(_of_clip(clips[0], poses))
     found: list[SourceFrame] = []
     for path in paths:
         if is_panorama(path):
@@ -122,7 +122,7 @@ def _of_clip(path: Path, poses: Poses | None) -> Iterator[SourceFrame]:
         yield frame_of(photo, f"frame {still.number}", still.number, still.time_s)
 
 
-def _thinned(source: Iterator[SourceFrame]) -> list[SourceFrame]:
+def thinned(source: Iterator[SourceFrame]) -> list[SourceFrame]:
     """At most `MOST_FRAMES`, evenly spread: memory does not grow with the clip."""
     frames: list[SourceFrame] = []
     step = 1
@@ -171,6 +171,8 @@ def _moving(source: Iterator[VideoFrame]) -> Iterator[VideoFrame]:
 
 def _tiny(still: VideoFrame) -> Float[np.ndarray, "h w"]:
     def average(luma: np.ndarray) -> np.ndarray:
+        step = max(1, min(luma.shape) // (4 * _TINY))  # every pixel of a large frame is not needed
+        luma = np.ascontiguousarray(luma[::step, ::step])
         scale = _TINY / min(luma.shape)
         size = (round(luma.shape[1] * scale), round(luma.shape[0] * scale))
         return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA))
