@@ -45,7 +45,7 @@ class Args:
     a photo and its mirror image have mirrored light."""
     shares: Annotated[tuple[float, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Of each of several networks in the mean; left out, all alike."""
-    heads: tuple[str, ...] = ()
+    heads: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Data sets whose photos teach the trained network to say what camera took a photo and how sure
     its light is; their validation places set how sure. Some minutes."""
     lamp_gain: float = 0.0
