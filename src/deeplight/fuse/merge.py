@@ -29,7 +29,7 @@ ESTIMATE_ROWS = 64
 BRIGHTEST = 30.0
 """Clipped pixels get at most this many times the bound's power."""
 _LEVEL = 0.5  # sine of the pitch at which an estimate's power counts 1 / e
-_DIM = 1.2  # what estimates lack: found on the validation places' pans, see docs/fuse.md
+_DIM = 1.2  # what estimates lack: found on simulated pans, see docs/fuse.md
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
 _LOBE_KAPPA = 250.0  # of the lobe of lost power: 5 degrees, a lamp and no glow
 _FIND_KAPPA = 12.0  # width in which the brightest place is looked for
