@@ -50,7 +50,7 @@ class Bench:
 
     def __init__(self, args: Args) -> None:
         data, (network, _) = open_dataset(args.data), load_network(args.model)
-        self.bases = RigBases.from_rigs(list(data.rigs.values()))
+        self.bases = RigBases.of([data.bases(rig) for rig in data.rigs])
         indices = [data.index(split) for split in SPLITS]
         parts = [
             prepare(*some_of(ExampleBytes(index, list(data.rigs)), len(index), 0))

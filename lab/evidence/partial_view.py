@@ -1,19 +1,23 @@
 """What it costs when a photo shows only part of the view the network was trained on.
 
-python -m lab.evidence.partial_view DATA [SPLIT]
+python -m lab.evidence.partial_view DATA [--split val] [--landscape LANDSCAPE.onnx]
 
-Every background of SPLIT (default val) is cut down to what each kind of photo would show of it
-and filled from its edges, as `preprocess` fills a real photo. Prints a Markdown table.
+Every background of the split is cut down to what each kind of photo would show of it
+and filled from its edges, as `preprocess` fills a real photo. Prints a Markdown table. The
+landscape network looks at the middle, which every phone photo shows whole.
 """
 
-import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import tyro
 
 from deeplight.dataset import open_dataset
 from deeplight.estimators.onnx import OnnxEstimator
-from deeplight.evaluate.run import evaluate
+from deeplight.evaluate.models import NamedModel
+from deeplight.evaluate.run import AnyEstimator, evaluate
 from deeplight.preprocess import Framing, frame_photo
 
 # Height, width and vertical field of view in degrees of the upright photo.
@@ -50,23 +54,42 @@ def _shown(start: float, stop: float, length: int, cells: int) -> np.ndarray:
     return np.clip(np.arange(cells), low, high - 1)
 
 
-def main(folder: str, split: str = "val") -> None:
-    estimator = OnnxEstimator()
+@dataclass(frozen=True)
+class Args:
+    """Options of the measurement."""
+
+    data: tyro.conf.Positional[str]
+    """Data set."""
+    split: str = "val"
+    """What is measured."""
+    landscape: Path | None = None
+    """Network of preset -landscape, for a row of its own."""
+    examples: int | None = None
+    """Measure only this number of examples, evenly spread."""
+
+
+def main(args: Args) -> None:
     views = [
-        PartialView(estimator, name, frame_photo(h, w, np.radians(fov)))
+        PartialView(OnnxEstimator(), name, frame_photo(h, w, np.radians(fov)))
         for name, (h, w, fov) in PHOTOS.items()
     ]
-    report = evaluate(views, open_dataset(folder), split)
+    shown = {view.name: f"{view.framing.visible_fraction:.2f}" for view in views}
+    estimators: Sequence[AnyEstimator] = views
+    if args.landscape is not None:
+        own = NamedModel("landscape network, its own view", OnnxEstimator(args.landscape))
+        estimators, shown = [*views, own], {**shown, own.name: "1.00 of its own"}
+    report = evaluate(estimators, open_dataset(args.data), args.split, args.examples)
     print("| photo | shown | L1 diffuse | silver | mirror | angle of colour |")
     print("|---|---|---|---|---|---|")
-    for view in views:
-        metrics = report.scores[view.name].metrics()
+    for name, share in shown.items():
+        metrics = report.scores[name].metrics()
         l1 = " | ".join(
-            f"{metrics[f'l1_{name}'].mean():.3f}" for name in ("diffuse", "matte_silver", "mirror")
+            f"{metrics[f'l1_{sphere}'].mean():.3f}"
+            for sphere in ("diffuse", "matte_silver", "mirror")
         )
         theta = np.nanmean(metrics["theta_rgb_deg"])
-        print(f"| {view.name} | {view.framing.visible_fraction:.2f} | {l1} | {theta:.1f} |")
+        print(f"| {name} | {share} | {l1} | {theta:.1f} |")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main(tyro.cli(Args))

@@ -1,10 +1,14 @@
 """What a run learns from: several data sets, some places, none that is validated in."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from deeplight.dataset import Example, ExampleMeta
+from deeplight.dataset import Example, ExampleMeta, add_bases
 from deeplight.errors import DataSetError
+from deeplight.io.basis_file import save_bases
+from deeplight.reflectance import analytic_basis
 from deeplight.sphere import PAPER_RIG
 from deeplight.training.data import DataConfig
 from deeplight.training.sources import Sources
@@ -91,9 +95,35 @@ def test_the_fingerprint_follows_what_is_learnt_from(first, second):
     assert len({alone, both, Sources(second, [first]).fingerprint}) == 3
 
 
-def test_one_name_means_one_rig(first, tmp_path):
-    from dataclasses import replace
+def dark(path, share):
+    """Measured bases whose diffuse sphere reflects a share of the analytic one's light."""
+    basis = analytic_basis("diffuse", PAPER_RIG.views["diffuse"])
+    save_bases(path, {"diffuse": replace(basis, weights=basis.weights * np.float32(share))}, {})
+    return path
 
+
+def test_measured_bases_of_a_data_set_are_learnt_with_and_another_file_overrides_them(tmp_path):
+    """They name the run, too: it would be another one with other spheres."""
+    folder = write(tmp_path / "own", ("a", "b"))
+    analytic = Sources(folder).bases("paper", 32)["diffuse"].weights.sum()
+    add_bases(folder, dark(tmp_path / "half.npz", 0.5))
+    own, other = Sources(folder), Sources(folder, bases=dark(tmp_path / "tenth.npz", 0.1))
+    shares = [s.bases("paper", 32)["diffuse"].weights.sum() / analytic for s in (own, other)]
+    assert shares == pytest.approx([0.5, 0.1], rel=0.02)
+    assert own.bases("paper", 16)["diffuse"].light_size == 16
+    assert len({own.fingerprint, other.fingerprint, own.sets[0].manifest_sha256}) == 3
+
+
+def test_one_rig_has_one_reflectance(first, tmp_path):
+    measured = write(tmp_path / "measured", ("e",), train=1)
+    add_bases(measured, dark(tmp_path / "half.npz", 0.5))
+    with pytest.raises(DataSetError, match="one reflectance of the spheres of rig 'paper'"):
+        Sources(first, [measured]).bases("paper", 32)
+    named = Sources(first, [measured], tmp_path / "half.npz")
+    assert named.bases("paper", 32)["diffuse"].light_size == 32
+
+
+def test_one_name_means_one_rig(first, tmp_path):
     view = PAPER_RIG.views["mirror"]
     wider = replace(view, angular_radius_rad=view.angular_radius_rad * 1.1)
     other = replace(PAPER_RIG, views={**PAPER_RIG.views, "mirror": wider})

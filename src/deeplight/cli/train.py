@@ -43,6 +43,8 @@ class Args:
     shipped for the model that comes with deeplight."""
     more: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """Another data set to learn from; may be given several times. Validation uses --data alone."""
+    bases: Path | None = None
+    """Measured reflectance bases of the spheres; left out, the data set's bases.npz or analytic."""
     fresh: Path | None = None
     """Folder of HDR panoramas: learn from takes filmed in them while the run goes on, new ones in
     every epoch, instead of --data's, which validates."""
@@ -68,7 +70,8 @@ def run(args: Args) -> None:
     from deeplight.training.presets import preset
 
     machine = (f"run.time_limit_minutes={args.minutes}", f"run.devices={args.devices}")
-    config = preset(args.preset, (*args.set, *machine, f"run.nodes={args.nodes}"))
+    spheres = (f"loss.bases={args.bases}",) if args.bases else ()
+    config = preset(args.preset, (*args.set, *spheres, *machine, f"run.nodes={args.nodes}"))
     if args.weights is not None:
         refuse_unused(args, "with --weights", "imagenet")
     weights = args.weights

@@ -62,7 +62,8 @@ def train(
     """
     watch = watch or (lambda _: None)
     with only_run(run_dir):
-        sources = Sources(data_dir, more)
+        bases = Path(config.loss.bases) if config.loss.bases else None
+        sources = Sources(data_dir, more, bases)
         setup = set_up(sources, run_dir, config, imagenet, weights, fitting(watch), fresh)
         run = Run(setup)
         try:

@@ -6,7 +6,6 @@ soft clip lose the sun in half precision.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -16,9 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from deeplight.camera_response import GAMMA, SOFT_CLIP_N
-from deeplight.errors import ConfigError
-from deeplight.io.basis_file import load_bases
-from deeplight.reflectance import rig_bases
+from deeplight.reflectance import ReflectanceBasis, rig_bases
 from deeplight.sphere import LOSS_WEIGHTS, SPHERES, Rig
 
 # x^(1/2.2) has an infinite slope at 0; linear 1e-4 is pixel value 4 of 255.
@@ -46,7 +43,8 @@ class LossConfig:
     both ways and learnt from twice."""
     bases: str = ""
     """Photographed bases, an .npz of `deeplight reflectance`, for matte silver and diffuse; the
-    mirror's is made, as in the paper. Empty: all are made from reflection models."""
+    mirror's is made, as in the paper. Empty: those that travel with the data set (bases.npz), and
+    without any all are made from reflection models."""
 
     def weights(self) -> tuple[float, ...]:
         """One weight per sphere in the order of SPHERES."""
@@ -69,31 +67,18 @@ class RigBases(nn.Module):
         self.register_buffer("mask", mask.float(), persistent=False)
 
     @classmethod
-    def from_rigs(
-        cls, rigs: Sequence[Rig], light_size: int = 32, measured: Path | None = None
-    ) -> "RigBases":
-        """The bases of `rigs`; the index of a rig here is its place in the sequence.
-
-        Args:
-            measured: file of photographed bases; without it they are analytic.
-
-        Raises:
-            ConfigError: the file's bases are for light of another size.
-            DataSetError: it is no file of bases.
-        """
-        basis, mask = [], []
-        for rig in rigs:
-            bases = load_bases(measured, rig) if measured else rig_bases(rig, light_size)
-            found = bases["mirror"].light_size
-            if found != light_size:
-                raise ConfigError(
-                    f"bases for light of {light_size} pixels, as network.output_size says",
-                    f"{found} in {measured}",
-                    "change network.output_size or leave loss.bases out",
-                )
-            basis.append(np.stack([bases[name].weights for name in SPHERES]))
-            mask.append(np.stack([rig.views[name].mask().reshape(-1) for name in SPHERES]))
+    def of(cls, rigs: Sequence[Mapping[str, ReflectanceBasis]]) -> "RigBases":
+        """The bases of every rig, by sphere; a rig's index here is its place in the sequence."""
+        basis = [np.stack([bases[name].weights for name in SPHERES]) for bases in rigs]
+        mask = [
+            np.stack([bases[name].view.mask().reshape(-1) for name in SPHERES]) for bases in rigs
+        ]
         return cls(torch.from_numpy(np.stack(basis)), torch.from_numpy(np.stack(mask)))
+
+    @classmethod
+    def from_rigs(cls, rigs: Sequence[Rig], light_size: int = 32) -> "RigBases":
+        """Analytic bases of `rigs`."""
+        return cls.of([rig_bases(rig, light_size) for rig in rigs])
 
     def render(
         self,

@@ -168,8 +168,7 @@ def set_up(
 def _open(sources: Sources, config: TrainConfig, fresh: Epochs | None) -> TrainingData:
     """Find the examples of every split and what the rigs' spheres look like."""
     network = config.network
-    measured = Path(config.loss.bases) if config.loss.bases else None
-    bases = RigBases.from_rigs(list(sources.rigs.values()), network.output_size, measured)
+    bases = RigBases.of([sources.bases(rig, network.output_size) for rig in sources.rigs])
     chosen = sources.training(config.data, config.run.seed)
     splits = sources.validation(config.data)
     sources.refuse_held_out(chosen)

@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from deeplight.errors import ConfigError
 from deeplight.training.distil import lit_share, resized
-from deeplight.training.network.generator import Generator, NetworkConfig
+from deeplight.training.network.generator import FEATURE_SIZE, Generator, NetworkConfig
 from deeplight.training.network.imagenet import named_convolutions, output_moments
 from deeplight.training.network.lamps import DIMMER
 from deeplight.training.network.mobilenet_v2 import (
@@ -52,7 +52,7 @@ def start_from(
     refuse_other_shape(plain, wide)
     if shapes_of(plain.encoder) == shapes_of(wide.encoder):
         plain.encoder.load_state_dict(wide.encoder.state_dict())
-        plain.latent.load_state_dict(wide.latent.state_dict())
+        copy_latent(plain, wide)
     else:
         basis, features = fit_encoder(plain.encoder, wide.encoder, photos)
         project_latent(plain, wide, basis, features)
@@ -212,6 +212,22 @@ def project_latent(narrow: Generator, wide: Generator, basis: Tensor, features: 
     lost = mean - basis @ (basis.T @ mean)
     narrow.latent.weight.copy_(torch.einsum("lcp,cf->lfp", weight, basis).flatten(1))
     narrow.latent.bias.copy_(wide.latent.bias + torch.einsum("lcp,cp->l", weight, lost))
+
+
+def copy_latent(narrow: Generator, wide: Generator) -> None:
+    """The fully connected layer; for photos of the other shape its weights are stretched to theirs.
+
+    Left stays left and top stays top, and so does the sum of the weights of each channel.
+    """
+    assert isinstance(wide.latent, nn.Linear)
+    assert isinstance(narrow.latent, nn.Linear)
+    old, new = (FEATURE_SIZE[g.orientation] for g in (wide, narrow))
+    maps = wide.latent.weight.unflatten(1, (-1, *old))  # (256, 160, 6, 5)
+    if old != new:
+        stretched = functional.interpolate(maps, new, mode="bilinear", align_corners=False)
+        maps = stretched + (maps.mean((2, 3)) - stretched.mean((2, 3)))[:, :, None, None]
+    narrow.latent.weight.copy_(maps.flatten(1))
+    narrow.latent.bias.copy_(wide.latent.bias)
 
 
 def fit_decoder(narrow: Generator, wide: Generator, photos: Tensor) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from deeplight.dataset import GROUPS, Chosen, SplitIndex, open_dataset
 from deeplight.errors import DataSetError
+from deeplight.reflectance import ReflectanceBasis
 from deeplight.sphere import Rig
 from deeplight.training.data import DataConfig
 
@@ -16,13 +17,19 @@ from deeplight.training.data import DataConfig
 class Sources:
     """Several data sets seen as one; only the first one's validation splits are used."""
 
-    def __init__(self, first: Path | str, more: Sequence[Path | str] = ()) -> None:
+    def __init__(
+        self, first: Path | str, more: Sequence[Path | str] = (), bases: Path | None = None
+    ) -> None:
         """Open them; shards are looked at only when they are read.
+
+        Args:
+            bases: measured reflectance bases of all spheres; left out, each data set's own.
 
         Raises:
             DataSetError: one is missing or broken, or two mean different rigs by one name.
         """
-        self.sets = tuple(open_dataset(where) for where in (first, *more))
+        opened = (open_dataset(where) for where in (first, *more))
+        self.sets = tuple(data.with_bases(bases) if bases else data for data in opened)
         self.rigs: dict[str, Rig] = {}
         for part in self.sets:
             for name, rig in part.rigs.items():
@@ -36,10 +43,24 @@ class Sources:
         """Where they lie, in words."""
         return ", ".join(part.address for part in self.sets)
 
+    def bases(self, rig: str, light_size: int) -> dict[str, ReflectanceBasis]:
+        """What a rig's spheres reflect: measured if its data set carries that, else analytic.
+
+        Raises:
+            DataSetError: data sets that share the rig carry different bases.
+        """
+        having = [part for part in self.sets if rig in part.rigs]
+        if len({part.bases_sha256 for part in having}) > 1:
+            expected = f"one reflectance of the spheres of rig {rig!r}"
+            got = f"different bases in {', '.join(part.address for part in having)}"
+            raise DataSetError(expected, got, "name one file with --set loss.bases=FILE")
+        return having[0].bases(rig, light_size)
+
     @cached_property
     def fingerprint(self) -> str:
-        """Names the content of all; of a single one it is its manifest's checksum."""
+        """Names the content of all; of one without bases it is its manifest's checksum."""
         sums = [part.manifest_sha256 for part in self.sets]
+        sums += [part.bases_sha256 for part in self.sets if part.bases_file is not None]
         return sums[0] if len(sums) == 1 else sha256("".join(sums).encode()).hexdigest()
 
     def training(self, config: DataConfig, seed: int) -> Chosen:

@@ -1,7 +1,7 @@
 """What the rivals learn from: views into HDR panoramas, as a phone shows them, with their light."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
@@ -47,23 +47,44 @@ class Pair:
 
     Attributes:
         photo: 8-bit.
-        panorama: of `HEIGHT` rows, upright, its centre column where the camera looks; relative to
-            the camera's white.
+        place: the panorama of `HEIGHT` rows, in its own frame and scale; its views share it.
+        column: of `place` that the camera looks to.
+        gain: red, green and blue of the camera's white over those of `place`.
         elevation_rad: of the camera, positive up.
         fov_rad: vertical.
+        mirrored: `place` is mirrored, left to right, after it was turned.
     """
 
     photo: UInt8[np.ndarray, "height width 3"]
-    panorama: Float32[np.ndarray, "rows columns 3"]
+    place: Float32[np.ndarray, "rows columns 3"]
+    column: int
+    gain: Float[np.ndarray, "3"]
     elevation_rad: float
     fov_rad: float
+    mirrored: bool = False
+
+    @property
+    def panorama(self) -> Float32[np.ndarray, "rows columns 3"]:
+        """Upright, its centre column where the camera looks; relative to the camera's white."""
+        light = np.roll(self.place, -self.column, axis=1) * self.gain
+        return np.ascontiguousarray(light[:, ::-1] if self.mirrored else light, np.float32)
+
+    def level(self, direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+        """A direction of `place` as `panorama` has it."""
+        seen = rotation("y", self.column * np.pi / HEIGHT) @ direction
+        return seen * np.array([-1.0, 1.0, 1.0]) if self.mirrored else np.asarray(seen)
+
+    def mirror(self) -> "Pair":
+        """The view of the mirrored place."""
+        photo = np.ascontiguousarray(self.photo[:, ::-1])
+        return replace(self, photo=photo, mirrored=not self.mirrored)
 
 
 def pairs_of(
     panorama: Float[np.ndarray, "rows columns 3"], views: Views, random: np.random.Generator
 ) -> Iterator[Pair]:
     """Take views of one panorama with a phone's automatic exposure and white balance."""
-    small = resample.shrink_latlong(panorama, HEIGHT)
+    small = resample.shrink_latlong(panorama, HEIGHT).astype(np.float32)
     for _ in range(views.per_panorama):
         shift = int(random.integers(HEIGHT * 2))
         azimuth = shift * np.pi / HEIGHT
@@ -77,8 +98,7 @@ def pairs_of(
         illuminant = np.average(small, axis=(0, 1), weights=weight)
         gain = metered(radiance[::4, ::4].reshape(-1, 3), illuminant, automatics).gain
         photo = develop(radiance, gain, automatics, _NOISE_PIXELS, random)
-        light = np.roll(small, -shift, axis=1) * gain
-        yield Pair(photo, np.ascontiguousarray(light, np.float32), elevation, fov)
+        yield Pair(photo, small, shift, np.broadcast_to(gain, 3), elevation, fov)
 
 
 def all_pairs(

@@ -19,10 +19,13 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from deeplight.camera_response import LUMINANCE
 from deeplight.evaluate.rivals.crops import Pair
+from deeplight.evaluate.rivals.gardner_2017 import Encoder
 from deeplight.evaluate.rivals.sky import Sky, fitted_sky
 from deeplight.frames import rotation
 from deeplight.mappings import resample
+from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder
 
 NAME = "hold_geoffroy_2017"
 ELEVATIONS, AZIMUTHS = 5, 32
@@ -36,27 +39,27 @@ class HoldGeoffroy2017(nn.Module):
 
     Args:
         photo_size: height and width of its photos; the paper's is 240 x 320.
-        width: channels as a share of the paper's.
+        encoder: the paper's convolutions, or our MobileNetV2 in their place.
+        width: channels as a share of the paper's (not of our encoder).
+        frozen: blocks of our encoder that keep their weights.
     """
 
-    def __init__(self, photo_size: tuple[int, int] = (240, 320), width: float = 1.0) -> None:
+    def __init__(
+        self,
+        photo_size: tuple[int, int] = (240, 320),
+        encoder: Encoder = "published",
+        width: float = 1.0,
+        frozen: int = 0,
+    ) -> None:
         super().__init__()
         self.photo_size = photo_size
-        layers = ((64, 7, 2), (128, 5, 2), (256, 3, 2), (256, 3, 1), (256, 3, 2), (256, 3, 1),
-                  (256, 3, 2))  # fmt: skip
-        blocks: list[nn.Module] = []
-        before = 3
-        for full, kernel, stride in layers:
-            after = max(4, round(full * width))
-            blocks += [
-                nn.Conv2d(before, after, kernel, stride, kernel // 2, bias=False),
-                nn.BatchNorm2d(after),
-                nn.ELU(),
-            ]
-            before = after
-        self.features = nn.Sequential(*blocks, nn.Flatten())
+        self.encoder = (
+            _published_encoder(width)
+            if encoder == "published"
+            else MobileNetV2Encoder("none", frozen)
+        )
         with torch.no_grad():
-            count = self.features(torch.zeros(1, 3, *photo_size)).shape[1]
+            count = self.encoder(torch.zeros(1, 3, *photo_size)).flatten(1).shape[1]
         latent = max(16, round(2048 * width))
         self.latent = nn.Sequential(nn.Linear(count, latent), nn.BatchNorm1d(latent), nn.ELU())
         self.sun = nn.Linear(latent, ELEVATIONS * AZIMUTHS)
@@ -66,8 +69,30 @@ class HoldGeoffroy2017(nn.Module):
         self, photos: Float[Tensor, "n 3 photo_height photo_width"]
     ) -> tuple[Float[Tensor, "n bins"], Float[Tensor, "n parameters"]]:
         """ln probability of every bin, and the standardised parameters."""
-        latent = self.latent(self.features(photos))
+        return self.heads(self.encoder(photos))
+
+    def heads(
+        self, features: Float[Tensor, "n channels rows columns"]
+    ) -> tuple[Float[Tensor, "n bins"], Float[Tensor, "n parameters"]]:
+        """The same from what the encoder gave."""
+        latent = self.latent(features.flatten(1))
         return F.log_softmax(self.sun(latent), dim=1), self.parameters_head(latent)
+
+
+def _published_encoder(width: float) -> nn.Sequential:
+    layers = ((64, 7, 2), (128, 5, 2), (256, 3, 2), (256, 3, 1), (256, 3, 2), (256, 3, 1),
+              (256, 3, 2))  # fmt: skip
+    blocks: list[nn.Module] = []
+    before = 3
+    for full, kernel, stride in layers:
+        after = max(4, round(full * width))
+        blocks += [
+            nn.Conv2d(before, after, kernel, stride, kernel // 2, bias=False),
+            nn.BatchNorm2d(after),
+            nn.ELU(),
+        ]
+        before = after
+    return nn.Sequential(*blocks)
 
 
 @lru_cache(maxsize=1)
@@ -101,12 +126,15 @@ class Standard:
 def labels_of(
     pairs: Sequence[Pair],
 ) -> tuple[Float[np.ndarray, "n bins"], Float[np.ndarray, "n parameters"]]:
-    """Sun bins and parameters of each pair, from the sky that explains its panorama."""
+    """Sun bins and parameters of each pair, from the sky that explains its place."""
+    skies: dict[int, Sky] = {}
     bins, parameters = [], []
     for pair in pairs:
-        sky = fitted_sky(pair.panorama)
-        bins.append(sun_target(sky.sun))
-        log_scale = float(np.log(max(sky.scale, 1e-9)))
+        if id(pair.place) not in skies:
+            skies[id(pair.place)] = fitted_sky(pair.place)
+        sky = skies[id(pair.place)]
+        bins.append(sun_target(pair.level(sky.sun)))
+        log_scale = float(np.log(max(sky.scale * float(pair.gain @ LUMINANCE), 1e-9)))
         parameters.append([log_scale, sky.turbidity, pair.elevation_rad, pair.fov_rad])
     return np.array(bins), np.array(parameters)
 

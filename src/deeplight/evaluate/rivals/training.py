@@ -1,209 +1,226 @@
-"""Train a rival on panoramas of training places, keep it in a file, and let it answer photos."""
+"""Train a rival on views of training places; the best step on held-out views is kept."""
 
-import json
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
-from safetensors import safe_open
-from safetensors.torch import save_file
-from torch import Tensor, nn
+from jaxtyping import Float, Int
+from torch import Tensor
 
 from deeplight.camera_response import LUMINANCE
-from deeplight.errors import ConfigError, ModelError
+from deeplight.errors import ConfigError
 from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
-from deeplight.evaluate.rivals.crops import Pair, Views
+from deeplight.evaluate.rivals.crops import Pair
+from deeplight.evaluate.rivals.rival import (
+    Rival,
+    RivalConfig,
+    inputs_of,
+    new_network,
+)
 from deeplight.io.atomic import replacing
-from deeplight.io.boundary import reads_as
-from deeplight.mappings import resample
+from deeplight.training.network.imagenet import load_imagenet
+from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder
 
-Name = Literal["gardner_2017", "hold_geoffroy_2017"]
-
-
-@dataclass(frozen=True)
-class RivalConfig:
-    """How a rival is trained; defaults are the paper's where it states a number.
-
-    Attributes:
-        name: which.
-        photo_size: height and width of its photos.
-        encoder: of Gardner 2017: the paper's, or ours.
-        width: channels as a share of the paper's.
-        learning_rate, batch_size: of Adam.
-        steps: of training.
-        epoch_steps: what Gardner's filter counts as one epoch; 0 is the number of pairs.
-        views: what is seen of each panorama.
-        seed: of everything drawn.
-    """
-
-    name: Name
-    photo_size: tuple[int, int]
-    learning_rate: float
-    batch_size: int
-    views: Views
-    encoder: gardner_2017.Encoder = "published"
-    width: float = 1.0
-    steps: int = 2000
-    epoch_steps: int = 0
-    seed: int = 0
-
-
-PRESETS = {
-    "gardner_2017": RivalConfig(
-        "gardner_2017", (192, 256), 0.005, 64, Views(256, 192, elevation_deg=30)
-    ),
-    "gardner_2017-ours": RivalConfig(
-        "gardner_2017", (144, 192), 0.001, 64, Views(192, 144, elevation_deg=30), encoder="ours"
-    ),
-    "hold_geoffroy_2017": RivalConfig(
-        "hold_geoffroy_2017",
-        (240, 320),
-        0.01,
-        128,
-        Views(320, 240, per_panorama=7, elevation_deg=20, fov_deg=(35.0, 68.0)),
-    ),
-    "hold_geoffroy_2017-same-camera": RivalConfig(
-        "hold_geoffroy_2017", (144, 192), 0.001, 64, Views(192, 144, elevation_deg=30)
-    ),
-}
-"""As published, and with the camera (Gardner: and the encoder) of our landscape network."""
-
-
-@dataclass(eq=False)
-class Rival:
-    """A rival with its weights and what it needs to turn answers into light.
-
-    Attributes:
-        scale: factor to the light's radiance that makes the training pairs' mean power right.
-        facts: numbers of the training set: median luminance, or the parameters' standard.
-    """
-
-    config: RivalConfig
-    network: nn.Module
-    facts: dict[str, list[float]]
-    scale: float = 1.0
-    losses: list[float] = field(default_factory=list)
-
-    def panorama(
-        self, photo: UInt8[np.ndarray, "height width 3"]
-    ) -> Float[np.ndarray, "rows columns 3"]:
-        """The light of a photo in the camera's frame, relative to the camera's white."""
-        self.network.eval()
-        inputs = _inputs([photo], self.config.photo_size)
-        with torch.no_grad():
-            first, second = (answer[0].numpy() for answer in self.network(inputs))
-        if self.config.name == "gardner_2017":
-            pixels = photo.astype(np.float32) / 255
-            light = gardner_2017.radiance_of(first.transpose(1, 2, 0), second[0], pixels)
-        else:
-            standard = hold_geoffroy_2017.Standard(
-                np.array(self.facts["mean"]), np.array(self.facts["spread"])
-            )
-            light = hold_geoffroy_2017.radiance_of(
-                *hold_geoffroy_2017.sky_of(first, second, standard)
-            )
-        return np.asarray(light * self.scale, np.float32)
-
-    def save(self, path: Path) -> None:
-        """Write weights and facts to a .safetensors file, whole or not at all."""
-        header = {"config": asdict(self.config), "facts": self.facts, "scale": self.scale}
-        with replacing(path) as temporary:
-            weights = {k: v.contiguous() for k, v in self.network.state_dict().items()}
-            save_file(weights, temporary, {"rival": json.dumps(header)})
-
-
-@reads_as(ModelError)
-def load_rival(path: Path) -> Rival:
-    """Read a file that `Rival.save` wrote.
-
-    Raises:
-        OSError: there is no such file.
-        ModelError: it is another file, or damaged.
-    """
-    path.stat()
-    try:
-        with safe_open(path, "pt") as file:
-            header = json.loads((file.metadata() or {})["rival"])
-            weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        views = header["config"]["views"]
-        header["config"]["views"] = Views(**{**views, "fov_deg": tuple(views["fov_deg"])})
-        header["config"]["photo_size"] = tuple(header["config"]["photo_size"])
-        config = RivalConfig(**header["config"])
-        network = _network(config)
-        network.load_state_dict(weights)
-        return Rival(config, network, header["facts"], header["scale"])
-    except (ValueError, KeyError, TypeError, RuntimeError) as error:
-        raise ModelError("a trained rival", f"{path}: {error}", "train one") from None
-    except Exception as error:  # safetensors has its own kind
-        raise ModelError("a trained rival", f"{path}: {error}", "train one") from None
+CHECKPOINT_EVERY = 50
+VALIDATIONS = 16
+_CHUNK = 64
+Progress = Callable[[int, float], None]
+Answer = tuple[Tensor, Tensor]
 
 
 def train_rival(
     config: RivalConfig,
     pairs: Sequence[Pair],
-    progress: Callable[[int, float], None] = lambda step, loss: None,
+    held_out: Sequence[Pair] = (),
+    imagenet: Path | None = None,
+    checkpoint: Path | None = None,
+    progress: Progress = lambda step, loss: None,
 ) -> Rival:
     """Train on all pairs; the same config and pairs give the same rival.
 
     Args:
+        held_out: of other places: the step with the least loss on them is kept (the last without).
+        imagenet: folded MobileNetV2 weights (.npz) for our encoder.
+        checkpoint: file that a killed training goes on from; removed at the end.
         progress: called after each step with its number and loss.
 
     Raises:
-        ConfigError: too few pairs for a batch norm.
+        ConfigError: too few pairs for a batch norm; frozen blocks without ImageNet weights.
     """
     if len(pairs) < 2:
         raise ConfigError("two or more pairs to train on", f"{len(pairs)}", "give more panoramas")
     torch.manual_seed(config.seed)
-    random = np.random.default_rng(config.seed)
-    rival = Rival(config, _network(config), {})
-    wanted, criterion = _objective(rival, pairs)
-    photos = np.stack([pair.photo for pair in pairs])
-    optimiser = torch.optim.Adam(rival.network.parameters(), config.learning_rate)
-    batch = min(config.batch_size, len(pairs))
-    per_epoch = config.epoch_steps or max(1, len(pairs) // batch)
-    rival.network.train()
-    for step in range(config.steps):
-        chosen = random.choice(len(pairs), batch, replace=False)
-        found = rival.network(_inputs(photos[chosen], config.photo_size))
-        rows = torch.from_numpy(chosen)
-        value = criterion(found, (wanted[0][rows], wanted[1][rows]), step / per_epoch)
-        optimiser.zero_grad()
-        value.backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        rival.losses.append(float(value.detach()))
-        progress(step, rival.losses[-1])
+    rival = Rival(config, new_network(config), {})
+    if isinstance(rival.network.encoder, MobileNetV2Encoder) and imagenet is not None:
+        load_imagenet(rival.network.encoder, imagenet)
+    elif config.frozen_blocks:
+        raise ConfigError("ImageNet weights for frozen blocks", "none", "give --imagenet")
+    lessons = Lessons(rival, pairs, config.mirrored)
+    run = _Run(rival, lessons, Lessons(rival, held_out) if held_out else None)
+    if checkpoint is not None and checkpoint.is_file():
+        run.restore(checkpoint)
+    run.to_the_end(checkpoint, progress)
     rival.scale = _calibrated(rival, pairs)
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
     return rival
 
 
-def smaller(config: RivalConfig, width: float, photo_size: tuple[int, int]) -> RivalConfig:
-    """The same rival with fewer channels and smaller photos."""
-    height, across = photo_size
-    views = replace(config.views, height=height, width=across)
-    return replace(config, width=width, photo_size=photo_size, views=views)
+class Lessons:
+    """Pairs, and if wanted their mirror images: what goes in and what is wanted.
+
+    The first ones, which are for training, give the rival the facts that its answers need.
+    """
+
+    def __init__(self, rival: Rival, pairs: Sequence[Pair], mirrored: bool = False) -> None:
+        self.rival = rival
+        self.pairs = [*pairs, *(pair.mirror() for pair in pairs)] if mirrored else list(pairs)
+        self.features = self._features() if rival.config.frozen_blocks else None
+        self.labels: Answer | None = None
+        if rival.config.name == "hold_geoffroy_2017":
+            self._fit_skies()
+        elif not rival.facts:
+            some = pairs[:: max(1, len(pairs) // 256)]
+            luminance = np.stack([pair.panorama @ LUMINANCE for pair in some])
+            rival.facts = {"median": [float(np.median(luminance))]}
+
+    def _fit_skies(self) -> None:
+        bins, parameters = hold_geoffroy_2017.labels_of(self.pairs)
+        if not self.rival.facts:
+            standard = hold_geoffroy_2017.Standard.of(parameters)
+            self.rival.facts = {"mean": standard.mean.tolist(), "spread": standard.spread.tolist()}
+        mean, spread = (np.array(self.rival.facts[name]) for name in ("mean", "spread"))
+        plain = (parameters - mean) / spread
+        self.labels = (torch.tensor(bins).float(), torch.tensor(plain).float())
+
+    def _features(self) -> Tensor:
+        """What the frozen blocks give for every photo: they are run only once."""
+        encoder = self._encoder()
+        starts = range(0, len(self.pairs), _CHUNK)
+        return torch.cat(
+            [encoder.frozen(self._photos(range(n, n + _CHUNK))).half() for n in starts]
+        )
+
+    def _encoder(self) -> MobileNetV2Encoder:
+        encoder = self.rival.network.encoder
+        assert isinstance(encoder, MobileNetV2Encoder)
+        return encoder
+
+    def _photos(self, rows: Sequence[int] | Int[np.ndarray, " n"]) -> Tensor:
+        chosen = [self.pairs[row].photo for row in rows if row < len(self.pairs)]
+        return inputs_of(chosen, self.rival.config.photo_size)
+
+    def answer(self, rows: Int[np.ndarray, " n"]) -> Answer:
+        """What the network makes of these photos."""
+        network: Any = self.rival.network
+        if self.features is None:
+            answer: Answer = network(self._photos(rows))
+            return answer
+        features = self.features[torch.from_numpy(rows)].float()
+        return network.heads(self._encoder().learnt(features))
+
+    def loss(self, rows: Int[np.ndarray, " n"], epoch: float) -> Float[Tensor, ""]:
+        """The paper's loss of these pairs."""
+        found = self.answer(rows)
+        if self.labels is not None:
+            chosen = torch.from_numpy(rows)
+            wanted = (self.labels[0][chosen], self.labels[1][chosen])
+            return hold_geoffroy_2017.loss(found, wanted)
+        light = np.stack([self.pairs[row].panorama.transpose(2, 0, 1) for row in rows])
+        targets = gardner_2017.targets(torch.from_numpy(light), self.rival.facts["median"][0])
+        return gardner_2017.loss(found, targets, epoch)
+
+    @torch.no_grad()
+    def mean_loss(self, epoch: float) -> float:
+        """Over all pairs, the network in evaluation mode."""
+        rows = np.array_split(np.arange(len(self.pairs)), -(-len(self.pairs) // _CHUNK))
+        sums = [float(self.loss(some, epoch)) * len(some) for some in rows]
+        return sum(sums) / len(self.pairs)
 
 
-Criterion = Callable[[tuple[Tensor, Tensor], tuple[Tensor, Tensor], float], Tensor]
+class _Run:
+    """A training as it goes."""
 
+    def __init__(self, rival: Rival, lessons: Lessons, held_out: Lessons | None) -> None:
+        config = rival.config
+        self.rival, self.lessons, self.held_out = rival, lessons, held_out
+        learnt = [p for p in rival.network.parameters() if p.requires_grad]
+        self.optimiser = torch.optim.Adam(learnt, config.learning_rate)
+        self.batch = min(config.batch_size, len(lessons.pairs))
+        self.per_epoch = config.epoch_steps or max(1, len(lessons.pairs) // self.batch)
+        self.step, self.least, self.best = 0, math.inf, {}
+        self.recent: list[float] = []
 
-def _objective(rival: Rival, pairs: Sequence[Pair]) -> tuple[tuple[Tensor, Tensor], Criterion]:
-    """Targets of all pairs, and the loss; facts of the training set are kept with the rival."""
-    if rival.config.name == "gardner_2017":
-        light = torch.from_numpy(np.stack([p.panorama.transpose(2, 0, 1) for p in pairs]))
-        luminance = np.stack([pair.panorama @ LUMINANCE for pair in pairs])
-        median = float(np.median(luminance))
-        rival.facts = {"median": [median]}
-        return gardner_2017.targets(light, median), gardner_2017.loss
-    bins, parameters = hold_geoffroy_2017.labels_of(pairs)
-    standard = hold_geoffroy_2017.Standard.of(parameters)
-    rival.facts = {"mean": standard.mean.tolist(), "spread": standard.spread.tolist()}
-    plain = (parameters - standard.mean) / standard.spread
-    first, second = (torch.from_numpy(values.astype(np.float32)) for values in (bins, plain))
-    return (first, second), lambda found, own, epoch: hold_geoffroy_2017.loss(found, own)
+    def to_the_end(self, checkpoint: Path | None, progress: Progress) -> None:
+        config, network = self.rival.config, self.rival.network
+        every = max(1, config.steps // VALIDATIONS)
+        while self.step < config.steps:
+            network.train()
+            loss = self._learn()
+            self.step += 1
+            self.recent.append(loss)
+            if self.step % every == 0 or self.step == config.steps:
+                self._validate()
+            if checkpoint is not None and self.step % CHECKPOINT_EVERY == 0:
+                self._save(checkpoint)
+            progress(self.step, loss)
+        if self.best:
+            network.load_state_dict(self.best)
+
+    def _learn(self) -> float:
+        config = self.rival.config
+        # Of the step alone, so that a training that goes on sees what it would have seen.
+        random = np.random.default_rng([config.seed, self.step])
+        rows = random.choice(len(self.lessons.pairs), self.batch, replace=False)
+        if config.cosine:
+            share = 0.505 + 0.495 * math.cos(math.pi * self.step / config.steps)
+            for group in self.optimiser.param_groups:
+                group["lr"] = config.learning_rate * share
+        value = self.lessons.loss(rows, self.step / self.per_epoch)
+        self.optimiser.zero_grad()
+        value.backward()  # type: ignore[no-untyped-call]
+        self.optimiser.step()
+        return float(value.detach())
+
+    def _validate(self) -> None:
+        """Gardner's loss depends on the epoch: here it is always the last one's."""
+        network = self.rival.network.eval()
+        found = math.nan
+        if self.held_out is not None:
+            found = self.held_out.mean_loss(self.rival.config.steps / self.per_epoch)
+            if found < self.least:
+                self.least = found
+                self.best = {name: v.clone() for name, v in network.state_dict().items()}
+        self.rival.history.append([self.step, float(np.mean(self.recent)), found])
+        self.recent = []
+
+    def _save(self, path: Path) -> None:
+        state = {
+            "network": self.rival.network.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "best": self.best,
+            "standing": [self.step, self.least, self.recent, self.rival.history],
+            "settings": repr(self.rival.config),
+        }
+        with replacing(path) as temporary:
+            torch.save(state, temporary)
+
+    def restore(self, path: Path) -> None:
+        """Go on from a checkpoint.
+
+        Raises:
+            ConfigError: it is of another training.
+        """
+        state = torch.load(path, weights_only=True)
+        if state["settings"] != repr(self.rival.config):
+            raise ConfigError(f"a checkpoint of these settings in {path}", "others", "remove it")
+        self.rival.network.load_state_dict(state["network"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.best = state["best"]
+        self.step, self.least, self.recent, self.rival.history = state["standing"]
 
 
 def _calibrated(rival: Rival, pairs: Sequence[Pair], at_most: int = 64) -> float:
@@ -217,21 +234,3 @@ def _calibrated(rival: Rival, pairs: Sequence[Pair], at_most: int = 64) -> float
         for n in chosen
     ]
     return float(np.exp(np.median(stops)))
-
-
-def _network(config: RivalConfig) -> nn.Module:
-    if config.name == "gardner_2017":
-        return gardner_2017.Gardner2017(config.photo_size, config.encoder, config.width)
-    return hold_geoffroy_2017.HoldGeoffroy2017(config.photo_size, config.width)
-
-
-def _inputs(
-    photos: Sequence[UInt8[np.ndarray, "height width 3"]] | UInt8[np.ndarray, "n height width 3"],
-    size: tuple[int, int],
-) -> Float[Tensor, "n 3 photo_height photo_width"]:
-    """Photos at the network's size, -0.5 to 0.5."""
-    fitting = [
-        photo if photo.shape[:2] == size else resample.shrink(photo, *size) for photo in photos
-    ]
-    pixels = np.stack(fitting).astype(np.float32) / np.float32(255) - np.float32(0.5)
-    return torch.from_numpy(np.ascontiguousarray(pixels.transpose(0, 3, 1, 2)))

@@ -112,10 +112,18 @@ class MobileNetV2Encoder(nn.Module):
         return self
 
     def forward(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n channels h w"]:
+        return self.learnt(self.frozen(photo))
+
+    @torch.no_grad()
+    def frozen(self, photo: Float[Tensor, "n 3 height width"]) -> Float[Tensor, "n early h w"]:
+        """The photo's features after the frozen layers, or the photo where none is frozen."""
         x = photo
-        with torch.no_grad():
-            for layer in self.features[: self.frozen_layers]:
-                x = layer(x)
+        for layer in self.features[: self.frozen_layers]:
+            x = layer(x)
+        return x
+
+    def learnt(self, x: Float[Tensor, "n early h w"]) -> Float[Tensor, "n channels h w"]:
+        """The rest of the encoder for what `frozen` gave."""
         for layer in self.features[self.frozen_layers :]:
             x = layer(x)
         return x
