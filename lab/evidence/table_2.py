@@ -60,6 +60,8 @@ class Args:
     """Folder of rivals, answers and the reports."""
     steps: int = 2000
     """Of each rival's training."""
+    minutes: float = 0.0
+    """Each training ends after them, and the best step so far is kept; 0: never."""
     views: int = 40
     """Of each panorama, at random azimuths."""
     imagenet: Path | None = None
@@ -76,8 +78,9 @@ def pairs_in(args: Args, split: str, scene: str, views: Views) -> list[Pair]:
     return all_pairs([load(place) for place in places if not place.synthetic_ground], views)
 
 
-def trained(preset: str, scene: str, args: Args) -> Rival:
+def trained(scene: str, args: Args) -> Rival:
     """The rival in OUT, or a new one; a training that was killed goes on."""
+    preset = SCENES[scene]
     path = args.out / f"{preset}.safetensors"
     if path.is_file():
         return load_rival(path)
@@ -94,6 +97,7 @@ def trained(preset: str, scene: str, args: Args) -> Rival:
             args.imagenet,
             path.with_suffix(".checkpoint"),
             lambda step, loss: bar(),
+            args.minutes,
         )
     rival.save(path)
     return rival
@@ -119,7 +123,7 @@ def answered(rival: Rival, data: DataSet, split: str, args: Args) -> list[str]:
 def measured(scene: str, args: Args) -> tuple[Rival, SplitResult]:
     """One kind of scene: its report in OUT, and the numbers."""
     data, split = open_dataset(args.data), f"unseen_{scene}"
-    rival = trained(SCENES[scene], scene, args)
+    rival = trained(scene, args)
     panoramas = answered(rival, data, split, args)
     models = [f"landscape={args.model}"] if args.model else []
     wanted = Wanted(data, (split,), models, panoramas, args.examples, with_photo=False)
@@ -184,10 +188,11 @@ def history(rivals: Sequence[Rival]) -> list[str]:
     ]
     for rival in rivals:
         kept = min(rival.history, key=lambda row: row[2])
-        samples = rival.config.steps * rival.config.batch_size
+        steps = int(rival.history[-1][0])
+        samples = steps * rival.config.batch_size
         lines.append(
-            f"| {rival.config.name} | {rival.config.steps} | {samples:,} | {kept[0]:.0f} | "
-            f"{kept[1]:.2f}, {kept[2]:.2f} |"
+            f"| {rival.config.name} | {steps} | {samples:,} | {kept[0]:.0f} "
+            f"| {kept[1]:.2f}, {kept[2]:.2f} |"
         )
     return lines
 

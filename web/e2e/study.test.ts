@@ -21,6 +21,9 @@ const SESSION = ["--session.pairs", "12", "--session.catches", "4", "--session.i
 const METHODS = ["ours", "theirs", "third"];
 const TOTAL = 18;
 
+const PRESSED_AT_ONCE = `shownAt !== null && (
+  dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" })), true)`;
+
 interface Trial {
   kind: string;
   scene: string;
@@ -72,7 +75,8 @@ test("a keyboard alone does it, a reload loses nothing, and the file can be anal
     const trial = await page.evaluate<Trial>("trials[state.answers.length]");
     const best = trial.left === "ruined" || (trial.kind === "pair" && trial.right === "c1");
     await page.keyboard.press(best ? "ArrowRight" : "ArrowLeft");
-    await page.keyboard.press("ArrowLeft"); // too soon: no answer to the next one
+    // As soon as the next one is shown, and so too soon: no answer to it.
+    if (number < TOTAL) await page.waitForFunction(PRESSED_AT_ONCE, undefined, { polling: "raf" });
   }
   const content = await answersOf(page);
   expect(await page.inputValue("#plain")).toBe(content);

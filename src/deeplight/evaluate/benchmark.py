@@ -103,7 +103,7 @@ def benchmark_data(name: str, hdri: Path | None, folder: Path, workers: int = 0)
 
 def make(hdri: Path, folder: Path, recipe: Recipe, workers: int = 0) -> Manifest:
     """Film a recipe in a process of its own, in the environment `PINNED`."""
-    with _environment(PINNED), processes(1) as pool:
+    with pinned(), processes(1) as pool:
         return pool.submit(_film, hdri, folder, recipe, workers).result()
 
 
@@ -112,10 +112,10 @@ def _film(hdri: Path, folder: Path, recipe: Recipe, workers: int) -> Manifest:
 
 
 @contextmanager
-def _environment(pinned: Mapping[str, str]) -> Iterator[None]:
-    """Variables that child processes inherit; they are read when numpy is loaded there."""
-    before = {name: os.environ.get(name) for name in pinned}
-    os.environ.update(pinned)
+def pinned() -> Iterator[None]:
+    """`PINNED` for the processes that start inside; it is read when numpy is loaded there."""
+    before = {name: os.environ.get(name) for name in PINNED}
+    os.environ.update(PINNED)
     try:
         yield
     finally:

@@ -70,6 +70,15 @@ def update_leaderboard(
     """Verify the entries that were measured again and append the others; give both.
 
     Raises:
+        DataSetError, OSError: as `update_entries` does.
+    """
+    return update_entries(path, _entries(results, data, models))
+
+
+def update_entries(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], list[Entry]]:
+    """Verify those of `entries` that the file has and append the others; give both.
+
+    Raises:
         DataSetError: the file is no leaderboard, or an entry does not come out again; then the
             file is left as it was.
         OSError: it cannot be read or written.
@@ -77,7 +86,7 @@ def update_leaderboard(
     known = read_leaderboard(path) if path.exists() else []
     by_key = {entry.measured: entry for entry in known}
     verified, added = [], []
-    for entry in _entries(results, data, models):
+    for entry in entries:
         old = by_key.get(entry.measured)
         if old is None:
             added.append(entry)

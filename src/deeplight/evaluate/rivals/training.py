@@ -1,7 +1,9 @@
 """Train a rival on views of training places; the best step on held-out views is kept."""
 
 import math
+import time
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,7 @@ def train_rival(
     imagenet: Path | None = None,
     checkpoint: Path | None = None,
     progress: Progress = lambda step, loss: None,
+    minutes: float = 0.0,
 ) -> Rival:
     """Train on all pairs; the same config and pairs give the same rival.
 
@@ -46,6 +49,7 @@ def train_rival(
         imagenet: folded MobileNetV2 weights (.npz) for our encoder.
         checkpoint: file that a killed training goes on from; removed at the end.
         progress: called after each step with its number and loss.
+        minutes: training ends after them, whatever `steps` says; 0: never.
 
     Raises:
         ConfigError: too few pairs for a batch norm; frozen blocks without ImageNet weights.
@@ -62,7 +66,7 @@ def train_rival(
     run = _Run(rival, lessons, Lessons(rival, held_out) if held_out else None)
     if checkpoint is not None and checkpoint.is_file():
         run.restore(checkpoint)
-    run.to_the_end(checkpoint, progress)
+    run.to_the_end(checkpoint, progress, minutes)
     rival.scale = _calibrated(rival, pairs)
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
@@ -78,7 +82,6 @@ class Lessons:
     def __init__(self, rival: Rival, pairs: Sequence[Pair], mirrored: bool = False) -> None:
         self.rival = rival
         self.pairs = [*pairs, *(pair.mirror() for pair in pairs)] if mirrored else list(pairs)
-        self.features = self._features() if rival.config.frozen_blocks else None
         self.labels: Answer | None = None
         if rival.config.name == "hold_geoffroy_2017":
             self._fit_skies()
@@ -96,8 +99,11 @@ class Lessons:
         plain = (parameters - mean) / spread
         self.labels = (torch.tensor(bins).float(), torch.tensor(plain).float())
 
-    def _features(self) -> Tensor:
-        """What the frozen blocks give for every photo: they are run only once."""
+    @cached_property
+    def features(self) -> Tensor | None:
+        """What the frozen blocks, if any, give for every photo: they are run only once."""
+        if not self.rival.config.frozen_blocks:
+            return None
         encoder = self._encoder()
         starts = range(0, len(self.pairs), _CHUNK)
         return torch.cat(
@@ -154,15 +160,17 @@ class _Run:
         self.step, self.least, self.best = 0, math.inf, {}
         self.recent: list[float] = []
 
-    def to_the_end(self, checkpoint: Path | None, progress: Progress) -> None:
+    def to_the_end(self, checkpoint: Path | None, progress: Progress, minutes: float) -> None:
         config, network = self.rival.config, self.rival.network
         every = max(1, config.steps // VALIDATIONS)
-        while self.step < config.steps:
+        started, over = time.monotonic(), False
+        while self.step < config.steps and not over:
             network.train()
             loss = self._learn()
             self.step += 1
             self.recent.append(loss)
-            if self.step % every == 0 or self.step == config.steps:
+            over = 0 < minutes * 60 < time.monotonic() - started
+            if self.step % every == 0 or self.step == config.steps or over:
                 self._validate()
             if checkpoint is not None and self.step % CHECKPOINT_EVERY == 0:
                 self._save(checkpoint)
