@@ -6,9 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("cv2")
-pytest.importorskip("onnxruntime")
-
 from deeplight.errors import DataSetError
 from deeplight.estimators.open import open_model
 from deeplight.evaluate.leaderboard import read_leaderboard, update_entries
@@ -21,6 +18,8 @@ from lab.evidence.pan_clips import (
     scored,
 )
 from lab.pans import Pan, Sweep, Troubles, film_pan
+
+pytestmark = pytest.mark.needs("onnxruntime")
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-pytest.importorskip("cv2")
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from deeplight.dataset import Example, ExampleMeta, open_dataset
 from deeplight.errors import DataSetError
 from deeplight.estimators.open import open_model
@@ -24,6 +20,8 @@ from deeplight.sphere import PAPER_RIG
 from lab.evidence.opposite_views import photographed, write_opposite_views
 from lab.evidence.table_2 import history, lights_found, table
 from toy_data import write_toy_data
+
+pytestmark = pytest.mark.needs("scipy", "onnxruntime")
 
 WEST, EAST = 0.1, 0.6
 
