@@ -122,7 +122,7 @@ class MobileNetV2Encoder(nn.Module):
             x = layer(x)
         return x
 
-    def learnt(self, x: Float[Tensor, "n early h w"]) -> Float[Tensor, "n channels h w"]:
+    def learnt(self, x: Float[Tensor, "n early rows columns"]) -> Float[Tensor, "n channels h w"]:
         """The rest of the encoder for what `frozen` gave."""
         for layer in self.features[self.frozen_layers :]:
             x = layer(x)
