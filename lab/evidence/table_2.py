@@ -20,6 +20,7 @@ import tyro
 from deeplight.cli.screen import progress_bar
 from deeplight.dataset import DataSet, open_dataset
 from deeplight.estimators.open import open_model
+from deeplight.evaluate.bootstrap import PlaceBootstrap
 from deeplight.evaluate.command import Wanted, evaluation
 from deeplight.evaluate.files import write_files
 from deeplight.evaluate.light_metrics import brightest
@@ -31,7 +32,6 @@ from deeplight.evaluate.rivals.rival import PRESETS, Rival, load_rival
 from deeplight.evaluate.rivals.training import train_rival
 from deeplight.evaluate.run import examples_to_measure
 from deeplight.evaluate.scores import TRUE_LIGHTING
-from deeplight.evaluate.summary import PlaceBootstrap
 from deeplight.io.atomic import replacing
 from deeplight.simulate.panorama import load, places_in
 from lab.evidence.opposite_views import NAME as OPPOSITE

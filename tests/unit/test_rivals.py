@@ -256,6 +256,7 @@ def small_start(path: Path) -> Path:
     arrays = {}
     for name, layer in named_convolutions(MobileNetV2Encoder("none")):
         stored = "features.0.conv" if name == "features.0" else name
+        torch.nn.init.kaiming_normal_(layer.conv.weight)  # else nothing of the photo is left
         arrays[f"{stored}.weight"] = layer.conv.weight.detach().numpy()
         arrays[f"{stored}.bias"] = 0.01 * torch.randn(len(layer.conv.weight)).numpy()
     np.savez(path, **arrays)

@@ -222,7 +222,8 @@ def copy_latent(narrow: Generator, wide: Generator) -> None:
     assert isinstance(wide.latent, nn.Linear)
     assert isinstance(narrow.latent, nn.Linear)
     old, new = (FEATURE_SIZE[g.orientation] for g in (wide, narrow))
-    maps = wide.latent.weight.unflatten(1, (-1, *old))  # (256, 160, 6, 5)
+    weight = wide.latent.weight
+    maps = weight.reshape(len(weight), -1, *old)  # (256, 160, 6, 5)
     if old != new:
         stretched = functional.interpolate(maps, new, mode="bilinear", align_corners=False)
         maps = stretched + (maps.mean((2, 3)) - stretched.mean((2, 3)))[:, :, None, None]

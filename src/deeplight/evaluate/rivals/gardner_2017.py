@@ -90,8 +90,7 @@ class Gardner2017(nn.Module):
             if encoder == "published"
             else MobileNetV2Encoder("none", frozen)
         )
-        with torch.no_grad():
-            features = self.encoder(torch.zeros(1, 3, *photo_size)).flatten(1).shape[1]
+        features = feature_count(self.encoder, photo_size)
         latent = _scaled(1024, width)
         self.latent = nn.Sequential(nn.Linear(features, latent), nn.BatchNorm1d(latent), nn.ELU())
         mask = [_scaled(c, width) for c in (256, 256, 128, 96, 64)]
@@ -110,6 +109,14 @@ class Gardner2017(nn.Module):
         latent = self.latent(features.flatten(1))
         colours = (torch.tanh(self.colour(latent)) + 1) / 2
         return colours, F.softplus(self.intensity(latent))
+
+
+@torch.no_grad()
+def feature_count(encoder: nn.Module, photo_size: tuple[int, int]) -> int:
+    """Features that an encoder gives of a photo; its norms do not learn from the trial."""
+    features: Tensor = encoder.eval()(torch.zeros(1, 3, *photo_size))
+    encoder.train()
+    return features.flatten(1).shape[1]
 
 
 def targets(

@@ -14,14 +14,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from deeplight.camera_response import LUMINANCE
 from deeplight.evaluate.rivals.crops import Pair
-from deeplight.evaluate.rivals.gardner_2017 import Encoder
+from deeplight.evaluate.rivals.gardner_2017 import Encoder, feature_count
 from deeplight.evaluate.rivals.sky import Sky, fitted_sky
 from deeplight.frames import rotation
 from deeplight.mappings import resample
@@ -58,8 +57,7 @@ class HoldGeoffroy2017(nn.Module):
             if encoder == "published"
             else MobileNetV2Encoder("none", frozen)
         )
-        with torch.no_grad():
-            count = self.encoder(torch.zeros(1, 3, *photo_size)).flatten(1).shape[1]
+        count = feature_count(self.encoder, photo_size)
         latent = max(16, round(2048 * width))
         self.latent = nn.Sequential(nn.Linear(count, latent), nn.BatchNorm1d(latent), nn.ELU())
         self.sun = nn.Linear(latent, ELEVATIONS * AZIMUTHS)

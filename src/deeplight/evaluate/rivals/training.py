@@ -157,7 +157,8 @@ class _Run:
         self.optimiser = torch.optim.Adam(learnt, config.learning_rate)
         self.batch = min(config.batch_size, len(lessons.pairs))
         self.per_epoch = config.epoch_steps or max(1, len(lessons.pairs) // self.batch)
-        self.step, self.least, self.best = 0, math.inf, {}
+        self.step, self.least = 0, math.inf
+        self.best: dict[str, Tensor] = {}
         self.recent: list[float] = []
 
     def to_the_end(self, checkpoint: Path | None, progress: Progress, minutes: float) -> None:
