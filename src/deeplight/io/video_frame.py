@@ -211,7 +211,10 @@ def _aspect(ratio: Fraction | None) -> Fraction:
 
 def _orientation(frame: "av.VideoFrame") -> int:
     """EXIF's number for the frame's display matrix, that of the nearest quarter turn."""
-    found: Any = frame.side_data.get("DISPLAYMATRIX")
+    from av.sidedata.sidedata import SideDataContainer
+
+    # `frame.side_data` would be kept by the frame that it keeps: megabytes that wait for gc.
+    found: Any = SideDataContainer(frame).get("DISPLAYMATRIX")  # type: ignore[call-arg]
     if found is None:
         return 1
     matrix = np.frombuffer(bytes(found), np.int32)[[0, 1, 3, 4]]
