@@ -23,9 +23,11 @@ const about: About = {
 describe("the JSON file", () => {
   test("has Python's entries and numbers", () => {
     const got = JSON.parse(JSON.stringify(record(lighting, about)));
-    expect(Object.keys(got)).toEqual(Object.keys(want.record));
+    // The network's guess at the camera is in Python's file only.
+    const { camera_guess: _guess, ...expected } = want.record;
+    expect(Object.keys(got)).toEqual(Object.keys(expected));
     const { notes: _, mirror_ball: ball, ...rest } = got;
-    const { notes: __, mirror_ball: wantBall, ...wanted } = want.record;
+    const { notes: __, mirror_ball: wantBall, ...wanted } = expected;
     expect(shape(rest)).toEqual(shape(wanted));
     expect(largestError(numbers(rest), numbers(wanted))).toBeLessThan(2e-4);
     expect({ ...ball, radiance: undefined }).toEqual({ ...wantBall, radiance: undefined });
