@@ -49,6 +49,8 @@ class Args:
     """Of each clip, 30 a second."""
     hard: bool = False
     """Dark or bright exposures, a tone curve, defocused spheres, lamps near the rig, noise."""
+    dark: bool = False
+    """Two and a half to four stops too dark, with a tone curve and noise, instead."""
     stops: tuple[float, float] = (0.0, 0.0)
     """Brighter by so much, drawn between the two."""
     seed: int = 0
@@ -107,7 +109,8 @@ def film(source: Path, clip: Path, args: Args, rng: np.random.Generator) -> None
     place = place_of(source, rng.uniform(0.2, 0.4))
     turns = walk(args.frames, rng)
     setup = drawn_setup(place.panorama, turns, rng)
-    setup = troubled(setup, rng) if args.hard else setup
+    if args.dark or args.hard:
+        setup = darkened(setup, rng) if args.dark else troubled(setup, rng)
     setup = replace(setup, gain=setup.gain * 2 ** rng.uniform(*args.stops))
     with VideoWriter(clip, setup.camera.width, setup.camera.height, 30) as video:
         for turn in turns:
@@ -196,6 +199,17 @@ def troubled(setup: Setup, rng: np.random.Generator) -> Setup:
         noise=rng.uniform(2, 5) if draws[3] else 1.5,
         lamp=lamp if draws[4] else None,
         lamp_power=rng.uniform(0.5, 3) / setup.gain,
+    )
+
+
+def darkened(setup: Setup, rng: np.random.Generator) -> Setup:
+    """Draw a picture that is far too dark."""
+    return replace(
+        setup,
+        gain=setup.gain * 2 ** rng.uniform(-4.2, -2.5),
+        contrast=rng.uniform(0.3, 1),
+        noise=rng.uniform(2, 4.5),
+        blur_px=rng.uniform(0.5, 1.5),
     )
 
 

@@ -64,8 +64,12 @@ def test_what_is_wrong_is_named(tmp_path: Path) -> None:
     assert wrong(0, "", whole, kept) == []
     assert "exit code 1" in wrong(1, "", whole, kept)[0]
     assert "traceback" in wrong(2, "Traceback", whole, kept)[0]
-    (kept / "out" / ".a.tmp").write_text("half")
-    assert wrong(2, "", whole, kept) == ["out/.a.tmp of 4 bytes"]
-    (kept / "out" / ".a.tmp").unlink()
+    (kept / "out" / ".a.dl-0-0-0.bin").write_text("half")  # which the next run takes away
+    assert wrong(2, "", whole, kept) == []
+    assert wrong(0, "", whole, kept) == [".a.dl-0-0-0.bin"]
+    (kept / "out" / ".a.dl-0-0-0.bin").unlink()
+    (kept / "out" / "a.tmp").write_text("half")
+    assert wrong(2, "", whole, kept) == ["out/a.tmp of 4 bytes"]
+    (kept / "out" / "a.tmp").unlink()
     (kept / "out" / "a.bin").write_text("half")
     assert wrong(0, "", whole, kept) == ["a.bin"]
