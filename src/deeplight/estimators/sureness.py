@@ -54,9 +54,7 @@ class Sureness:
         for name, word in self.words.items():
             scale = self.scales[name]
             error = f"{scale:.0f}" if scale >= 10 else f"{scale:.1f}"
-            lines.append(
-                f"{name}: {word} (two of three such photos are within {error} {UNITS[name]})"
-            )
+            lines.append(f"{name}: {word} (two of three photos within {error} {UNITS[name]})")
         return self.warnings or tuple(lines)
 
     def record(self) -> dict[str, Any]:
