@@ -26,7 +26,8 @@ f 1 5 7 3
 f 2 4 8 6
 f 1 1 2
 """
-QUICK = ["--samples", "32", "--bounces", "1", "--ground-points", "6"]
+FEW_RAYS = ["--samples", "32", "--bounces", "1"]
+QUICK = [*FEW_RAYS, "--ground-points", "6"]
 
 
 @pytest.fixture
@@ -55,7 +56,7 @@ def test_a_mesh_file_becomes_a_transfer(
 
 def test_parts_can_be_left_out(cube: Path, tmp_path: Path) -> None:
     out = tmp_path / "cube.transfer"
-    words = [str(cube), "--out", str(out), *QUICK, "--silver", "None", "--ground", "None"]
+    words = [str(cube), "--out", str(out), *FEW_RAYS, "--silver", "None", "--ground", "None"]
     assert main(["transfer", *words, "--diffuse", "own"]) == 0
     transfer = read(out)
     assert (transfer.glossy, transfer.shadowed) == (None, None)

@@ -29,7 +29,7 @@ def test_frames_looked_at_are_freed(tmp_path: Path, held: bool) -> None:
             assert still.luma.shape == still.rgb().shape[:2]
             if held:
                 kept.append(still)
-        alive = sum(isinstance(thing, av.VideoFrame) for thing in gc.get_objects())
+        alive = sum(type(thing) is av.VideoFrame for thing in gc.get_objects())
     finally:
         gc.enable()
     assert (alive > HELD) == held
