@@ -1,12 +1,15 @@
 """What a photo's EXIF data say of its exposure; which frames of a long clip are kept."""
 
 import math
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from deeplight.fuse.panorama_photo import is_panorama
 from deeplight.fuse.sources import MOST_FRAMES, SourceFrame, log_exposure_of, thinned
 
 pytestmark = pytest.mark.needs("cv2")
@@ -35,6 +38,17 @@ def test_what_is_missing_or_nonsense_is_not_known(tmp_path: Path, tags: dict[str
 def test_a_file_that_is_no_photo_is_not_known(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(b"nothing")
     assert math.isnan(log_exposure_of(tmp_path / "a.jpg"))
+
+
+def test_a_header_that_lies_about_its_size_is_neither_known_nor_a_panorama(tmp_path: Path) -> None:
+    file = tmp_path / "a.png"
+    Image.new("RGB", (4, 4)).save(file)
+    header = bytearray(file.read_bytes())
+    header[16:24] = struct.pack(">II", 10**9, 10**9)  # width, height
+    header[29:33] = struct.pack(">I", zlib.crc32(header[12:29]))
+    file.write_bytes(header)
+    assert math.isnan(log_exposure_of(file))
+    assert not is_panorama(file)
 
 
 @pytest.mark.parametrize("length", [5, 160, 161, 1000])

@@ -14,7 +14,9 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from deeplight.compose.composite import Composite
+from deeplight.errors import ImageFileError
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reading
 
 _KEY = "made-of"
 
@@ -47,9 +49,9 @@ class KeptFrames:
         for path in self.folder.glob(f"{number:06d}_*.png"):
             _, left, top = path.stem.split("_")
             try:
-                with Image.open(path) as picture:
+                with reading(path), Image.open(path) as picture:
                     part = np.asarray(picture.convert("RGB"))
-            except OSError:  # the machine stopped while it was written
+            except (OSError, ImageFileError):  # the machine stopped while it was written
                 return None
             result = np.array(plate)
             result[int(top) : int(top) + len(part), int(left) : int(left) + part.shape[1]] = part

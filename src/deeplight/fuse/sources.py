@@ -1,7 +1,6 @@
 """What `deeplight fuse` is given, as frames: photos, a clip's best frames, phone panoramas."""
 
 import math
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,13 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
-from PIL import Image
 
-from deeplight.errors import ConfigError
+from deeplight.errors import ConfigError, ImageFileError
 from deeplight.frames import Rotation
 from deeplight.fuse.panorama_photo import is_panorama, panorama_frames, panorama_notes
 from deeplight.fuse.poses import Poses, angle_between
 from deeplight.fuse.track import WORKING_SIDE
+from deeplight.io.exif import camera_entries
 from deeplight.io.photos import Photo, read_photo
 from deeplight.io.video import VideoFrame, is_video, video_frames
 
@@ -104,13 +103,12 @@ def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "ro
 def log_exposure_of(path: Path) -> float:
     """ln of exposure time times ISO over the f-number squared, from EXIF data; nan without them."""
     try:
-        with Image.open(path) as picture:
-            camera = picture.getexif().get_ifd(0x8769)
+        camera = camera_entries(path)
         values = [float(camera.get(tag, math.nan)) for tag in (0x829A, 0x829D)]
         iso = camera.get(0x8827, math.nan)
         sensitivity = float(iso[0] if isinstance(iso, tuple) else iso)
         exposure = values[0] * sensitivity / values[1] ** 2
-    except (OSError, ValueError, TypeError, SyntaxError, ZeroDivisionError, struct.error):
+    except (OSError, ImageFileError, ValueError, TypeError, ZeroDivisionError):
         return math.nan  # no photo for Pillow, or nonsense in its data
     return math.log(exposure) if 0 < exposure < math.inf else math.nan
 

@@ -4,11 +4,14 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Shaped
 from PIL import Image
+
+from deeplight.io.boundary import reads
 
 DIAGONAL_35MM_MM = math.hypot(36, 24)
 """Diagonal of 35 mm film, 43.27 mm: what "35 mm equivalent" compares (CIPA DCG-001)."""
@@ -89,6 +92,18 @@ def number(value: Any) -> float | None:
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return None
     return found if math.isfinite(found) else None
+
+
+@reads
+def camera_entries(path: Path) -> dict[int, Any]:
+    """The camera's EXIF entries of a picture file, by their numbers.
+
+    Raises:
+        OSError: it cannot be opened.
+        ImageFileError: it is no picture for Pillow.
+    """
+    with Image.open(path) as picture:
+        return entries_of(picture.getexif(), CAMERA)
 
 
 def entries_of(tags: Image.Exif, directory: int) -> dict[int, Any]:
