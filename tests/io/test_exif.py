@@ -1,12 +1,21 @@
 """Orientation and field of view from EXIF, against Pillow and against known lenses."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image, ImageOps
 
-from deeplight.io.exif import Exif, upright
+from deeplight.io.exif import (
+    CAMERA,
+    GPS,
+    Exif,
+    ExifDirectories,
+    exif_directories,
+    number,
+    upright,
+)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -71,3 +80,39 @@ def test_a_picture_made_smaller_keeps_its_field_of_view() -> None:
 )
 def test_what_exif_does_not_tell_stays_unknown(exif: Exif) -> None:
     assert exif.vertical_fov_rad(4000, 3000) is None
+
+
+def _photo_with_entries(path: Path, with_exif: bool = True) -> Path:
+    exif = Image.Exif()
+    exif[0x0112] = 1
+    exif.get_ifd(CAMERA)[0x829A] = 0.25
+    exif.get_ifd(CAMERA)[0x8827] = 400
+    exif.get_ifd(GPS)[17] = 123.5
+    picture = Image.new("RGB", (64, 48), (90, 120, 60))
+    if path.suffix == ".heic":
+        pillow_heif = pytest.importorskip("pillow_heif")
+        file = pillow_heif.from_pillow(picture)
+        file.save(path, exif=exif.tobytes() if with_exif else None)
+    else:
+        picture.save(path, **({"exif": exif.tobytes()} if with_exif else {}))
+    return path
+
+
+KINDS = ("jpg", "png", "webp", "tif", "avif", "heic")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_format_gives_the_same_directories(tmp_path: Path, kind: str) -> None:
+    found = exif_directories(_photo_with_entries(tmp_path / f"a.{kind}"))
+    assert number(found.camera[0x829A]) == 0.25
+    assert number(found.camera[0x8827]) == 400
+    assert number(found.gps[17]) == 123.5
+    without = exif_directories(_photo_with_entries(tmp_path / f"b.{kind}", with_exif=False))
+    assert not without.gps
+    assert 0x829A not in without.camera
+
+
+def test_a_file_that_is_no_photo_has_no_entries(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff nothing more")
+    assert exif_directories(tmp_path / "a.jpg") == ExifDirectories()
+    assert exif_directories(tmp_path / "missing.heic") == ExifDirectories()

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float32
 
 from deeplight.errors import ConfigError, ImageFileError
-from deeplight.io.exif import CAMERA, Exif, entries_of, number
+from deeplight.io.exif import Exif, exif_directories, number
 from deeplight.io.image_file import opened
-from deeplight.io.photo_decoders import MAX_PHOTO_PIXELS, exif_entries
+from deeplight.io.photo_decoders import MAX_PHOTO_PIXELS
 from deeplight.io.photograph import read_photograph
 from deeplight.io.radiance import is_floating_point
 
@@ -82,7 +82,7 @@ def exposure_amount(path: Path) -> float:
 
 def _number(path: Path, tag: int, *names: str) -> float:
     """An EXIF entry by its tag, or by the name it has in an EXR; 0 where there is none."""
-    value = entries_of(exif_entries(path), CAMERA).get(tag)
+    value = exif_directories(path).camera.get(tag)
     found = number(value[0] if isinstance(value, tuple) and value else value)
     if found is not None:
         return found

@@ -21,7 +21,7 @@ from jaxtyping import UInt8
 from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
 from deeplight.errors import ImageFileError
 from deeplight.frames import Rotation, turned, world_from_camera
-from deeplight.io.exif import DIAGONAL_35MM_MM, camera_entries, number
+from deeplight.io.exif import DIAGONAL_35MM_MM, exif_directories, number
 from deeplight.io.photos import read_photo
 
 PROJECTIONS = ("equirectangular", "cylindrical")
@@ -69,10 +69,7 @@ def panorama_notes(path: Path) -> tuple[str, ...]:
 
 def _swept_35mm(path: Path) -> float | None:
     """The 35 mm focal length of a panorama swept by an iPhone, None if the photo is none."""
-    try:
-        camera = camera_entries(path)
-    except (OSError, ImageFileError):
-        return None  # no photo for Pillow; who reads its pixels says why
+    camera = exif_directories(path).camera
     if number(camera.get(_CUSTOM_RENDERED)) != _IS_PANORAMA:
         return None
     return number(camera.get(_FOCAL_35MM)) or _USUAL_35MM

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from deeplight.errors import ConfigError, ImageFileError
+from deeplight.errors import ConfigError
 from deeplight.frames import Rotation
 from deeplight.fuse.panorama_photo import is_panorama, panorama_frames, panorama_notes
 from deeplight.fuse.poses import Poses, angle_between
 from deeplight.fuse.track import WORKING_SIDE
-from deeplight.io.exif import camera_entries
+from deeplight.io.exif import exif_directories
 from deeplight.io.photos import Photo, read_photo
 from deeplight.io.video import VideoFrame, is_video, video_frames
 
@@ -103,13 +103,13 @@ def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "ro
 def log_exposure_of(path: Path) -> float:
     """ln of exposure time times ISO over the f-number squared, from EXIF data; nan without them."""
     try:
-        camera = camera_entries(path)
+        camera = exif_directories(path).camera
         values = [float(camera.get(tag, math.nan)) for tag in (0x829A, 0x829D)]
         iso = camera.get(0x8827, math.nan)
         sensitivity = float(iso[0] if isinstance(iso, tuple) else iso)
         exposure = values[0] * sensitivity / values[1] ** 2
-    except (OSError, ImageFileError, ValueError, TypeError, ZeroDivisionError):
-        return math.nan  # no photo for Pillow, or nonsense in its data
+    except (ValueError, TypeError, ZeroDivisionError):
+        return math.nan  # nonsense in its data
     return math.log(exposure) if 0 < exposure < math.inf else math.nan
 
 

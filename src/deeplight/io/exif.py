@@ -2,8 +2,8 @@
 
 import math
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,14 @@ import numpy as np
 from jaxtyping import Shaped
 from PIL import Image
 
-from deeplight.io.boundary import reads
+from deeplight.io.heif_boxes import read_header
+from deeplight.io.image_file import first_bytes
 
 DIAGONAL_35MM_MM = math.hypot(36, 24)
 """Diagonal of 35 mm film, 43.27 mm: what "35 mm equivalent" compares (CIPA DCG-001)."""
 
 PLAUSIBLE_FOV_RAD = (math.radians(3), math.radians(150))
-CAMERA, INTEROPERABILITY = 0x8769, 0xA005
+CAMERA, GPS, INTEROPERABILITY = 0x8769, 0x8825, 0xA005
 """Pillow's numbers of EXIF's directories."""
 
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit
@@ -94,16 +95,48 @@ def number(value: Any) -> float | None:
     return found if math.isfinite(found) else None
 
 
-@reads
-def camera_entries(path: Path) -> dict[int, Any]:
-    """The camera's EXIF entries of a picture file, by their numbers.
+@dataclass(frozen=True)
+class ExifDirectories:
+    """All that a photo's EXIF data say, by the entries' numbers; empty where they say nothing.
 
-    Raises:
-        OSError: it cannot be opened.
-        ImageFileError: it is no picture for Pillow.
+    Attributes:
+        main: the picture itself; orientation is the camera's, even where a HEIC's boxes replace it.
+        camera: how it was taken.
+        gps: where and which way.
     """
-    with Image.open(path) as picture:
-        return entries_of(picture.getexif(), CAMERA)
+
+    main: Mapping[int, Any] = field(default_factory=dict)
+    camera: Mapping[int, Any] = field(default_factory=dict)
+    gps: Mapping[int, Any] = field(default_factory=dict)
+
+
+def exif_directories(path: Path) -> ExifDirectories:
+    """The EXIF entries of a photo in any format, read while its file is open: Pillow reads a
+    TIFF's directories when they are asked for, and HEIC not at all.
+
+    A file that cannot be read has none: whoever needs its pixels is given what is wrong with it.
+    """
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            if first_bytes(path)[4:8] == b"ftyp" and not read_header(path).is_av1:
+                import pillow_heif
+
+                return _directories(exif_of_bytes(pillow_heif.open_heif(path).info.get("exif")))
+            with Image.open(path) as picture:
+                return _directories(picture.getexif())
+    except Exception:  # Pillow's parsers have no common error
+        return ExifDirectories()
+
+
+def exif_of_bytes(content: bytes | None) -> Image.Exif:
+    """Pillow's entries of an EXIF block; none of None."""
+    exif = Image.Exif()
+    exif.load(content or b"")
+    return exif
+
+
+def _directories(tags: Image.Exif) -> ExifDirectories:
+    return ExifDirectories(dict(tags), entries_of(tags, CAMERA), entries_of(tags, GPS))
 
 
 def entries_of(tags: Image.Exif, directory: int) -> dict[int, Any]:

@@ -28,9 +28,9 @@ from deeplight.io.colour import (
     power_curve,
 )
 from deeplight.io.colour_profile import LookUpProfile, from_icc
-from deeplight.io.exif import Exif, exif_of_pillow
+from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow
 from deeplight.io.heif_boxes import HeifHeader, read_header
-from deeplight.io.image_file import check_size, damaged, first_bytes, not_an_image, opened
+from deeplight.io.image_file import check_size, damaged, not_an_image, opened
 from deeplight.io.radiance import is_floating_point, orientation_of, read_radiance
 from deeplight.io.raw import develop, is_raw
 
@@ -135,24 +135,6 @@ def stored_of_pillow(picture: Image.Image, cicp: tuple[int, int] | None = None) 
     alpha = 3 if values.shape[2] == 4 else None
     pixels, see_through = _as_rgb(values, conversion, alpha, straight=True)
     return Stored(pixels, exif, (*notes, *misfit, *_notes(conversion, see_through)))
-
-
-def exif_entries(path: Path) -> Image.Exif:
-    """All EXIF entries of a photo as the camera wrote them, by Pillow; none if it has none.
-
-    Orientation is the camera's too, even where a HEIC's own boxes have replaced it.
-    """
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            start = first_bytes(path)
-            if start[4:8] == b"ftyp" and not read_header(path).is_av1:
-                import pillow_heif
-
-                return _loaded(pillow_heif.open_heif(path).info.get("exif"))
-            with Image.open(path) as picture:
-                return picture.getexif()
-    except Exception:  # whoever needs its pixels is given what is wrong with it
-        return Image.Exif()
 
 
 def check_with_pillow(path: Path, start: bytes) -> dict[Any, Any]:
@@ -373,7 +355,7 @@ def _decode_heic(path: Path, header: HeifHeader) -> Stored:
     check_size(path, width, height, MAX_PHOTO_PIXELS)
     conversion, notes = _colours(header.cicp, picture.info.get("icc_profile"))
     conversion, misfit = _fitting(conversion, is_grey=picture.mode.startswith("L"))
-    exif = exif_of_pillow(lambda: _loaded(picture.info.get("exif")))
+    exif = exif_of_pillow(lambda: exif_of_bytes(picture.info.get("exif")))
     if header.is_turned:  # and the decoder has obeyed
         exif = replace(exif, orientation=1)
     elif exif.orientation != 1:
@@ -384,9 +366,3 @@ def _decode_heic(path: Path, header: HeifHeader) -> Stored:
     alpha = values.shape[2] - 1 if values.shape[2] in (2, 4) else None
     pixels, see_through = _as_rgb(values, conversion, alpha, straight=True)
     return Stored(pixels, exif, (*notes, *misfit, *_notes(conversion, see_through)))
-
-
-def _loaded(content: Any) -> Image.Exif:
-    exif = Image.Exif()
-    exif.load(content or b"")
-    return exif

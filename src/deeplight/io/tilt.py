@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from math import asin, atan2, hypot, isfinite, radians
 from pathlib import Path
 
-from deeplight.io.exif import CAMERA, entries_of, number
-from deeplight.io.photo_decoders import exif_entries
+from deeplight.io.exif import exif_directories, number
 
 _MAKER_NOTE, _ELEVATION = 0x927C, 0x9405
 _APPLE = b"Apple iOS\0"
@@ -29,11 +28,11 @@ def tilt_of(path: Path | str | None) -> Tilt | None:
     """
     if path is None:
         return None
-    tags = exif_entries(Path(path))
-    camera = entries_of(tags, CAMERA)
+    exif = exif_directories(Path(path))
+    camera = exif.camera
     note, elevation = camera.get(_MAKER_NOTE), number(camera.get(_ELEVATION))
     if isinstance(note, bytes) and note.startswith(_APPLE):
-        orientation = int(number(tags.get(0x0112)) or 1)
+        orientation = int(number(exif.main.get(0x0112)) or 1)
         found = _from_acceleration(_apple_acceleration(note), orientation)
         if found:
             return found

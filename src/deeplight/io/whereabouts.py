@@ -10,10 +10,8 @@ from math import log2
 from pathlib import Path
 from typing import Any, Literal
 
-from deeplight.io.exif import CAMERA, entries_of
-from deeplight.io.photo_decoders import exif_entries
+from deeplight.io.exif import exif_directories
 
-_GPS = 0x8825
 _LATITUDE, _LONGITUDE, _ALTITUDE_M, _TIME, _HEADING, _DATE = 2, 4, 6, 7, 17, 29
 _TAKEN, _OFFSET = 0x9003, 0x9011  # DateTimeOriginal, OffsetTimeOriginal
 _EXPOSURE_S, _APERTURE, _ISO = 0x829A, 0x829D, 0x8827
@@ -48,8 +46,8 @@ def whereabouts_of(path: Path | str | None) -> Whereabouts | None:
     if path is None:
         return None
     try:
-        tags = exif_entries(Path(path))
-        gps, camera = entries_of(tags, _GPS), entries_of(tags, CAMERA)
+        exif = exif_directories(Path(path))
+        gps, camera = exif.gps, exif.camera
         latitude = _angle(gps[_LATITUDE], gps.get(_LATITUDE - 1, "N"), "S")
         longitude = _angle(gps[_LONGITUDE], gps.get(_LONGITUDE - 1, "E"), "W")
         heading = float(gps[_HEADING])
