@@ -191,6 +191,20 @@ def mean_over_cells(
     return cells.clip(0, 1)  # rounding may leave it by an ulp
 
 
+def mean_over_squares(
+    photo: Shaped[np.ndarray, "height width 3"], side: float, at_least: int = 2
+) -> Float32[np.ndarray, "rows columns 3"]:
+    """Average a whole photo over nearly square cells of about `side` pixels; values in [0, 1].
+
+    Args:
+        photo: as for `mean_over_cells`.
+        side: of a cell.
+        at_least: number of cells along each side of the photo.
+    """
+    counts = ((length, max(at_least, round(length / side))) for length in photo.shape[:2])
+    return mean_over_cells(photo, *(np.linspace(0, n, count + 1) for n, count in counts))
+
+
 def _averages_in_memory_order(
     photo: Shaped[np.ndarray, "height width 3"],
     row_edges: Float[np.ndarray, " rows"],

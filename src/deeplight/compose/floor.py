@@ -13,7 +13,7 @@ from jaxtyping import Float32, UInt8
 from deeplight.camera_response import CameraResponse
 from deeplight.compose.ground import Viewpoint
 from deeplight.errors import ConfigError
-from deeplight.preprocess import mean_over_cells
+from deeplight.preprocess import mean_over_squares
 
 _CELLS = 40  # along the photo's shorter side
 _STEPS = 24  # places tried along each side
@@ -92,10 +92,8 @@ def free_spots(
 
 def _cells(photo: UInt8[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "rows columns 3"]:
     """ln of the mean radiance of square cells."""
-    height, width, _ = photo.shape
-    side = max(min(height, width) / _CELLS, 1.0)
-    edges = [np.linspace(0, n, max(2, round(n / side)) + 1) for n in (height, width)]
-    radiance = CameraResponse().radiance_from_pixel(mean_over_cells(photo, *edges))
+    side = max(min(photo.shape[:2]) / _CELLS, 1.0)
+    radiance = CameraResponse().radiance_from_pixel(mean_over_squares(photo, side))
     logs: np.ndarray = np.log(np.maximum(radiance, _DARKEST)).astype(np.float32)
     return logs
 

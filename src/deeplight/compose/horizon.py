@@ -14,7 +14,7 @@ from deeplight.camera import PinholeCamera
 from deeplight.camera_response import LUMINANCE
 from deeplight.compose.look import blurred
 from deeplight.frames import world_from_camera
-from deeplight.preprocess import mean_over_cells
+from deeplight.preprocess import mean_over_squares
 
 _SIDE = 320  # pixels along the longer side that are looked at
 _EDGES = 3000  # number of the strongest
@@ -112,5 +112,4 @@ def _upright_edges(
 def _small(photo: UInt8[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "rows columns"]:
     """Luminance of the pixel values, averaged to at most `_SIDE` pixels."""
     factor = max(max(photo.shape[:2]) / _SIDE, 1.0)
-    edges = [np.linspace(0, n, max(2, round(n / factor)) + 1) for n in photo.shape[:2]]
-    return mean_over_cells(photo, *edges) @ LUMINANCE.astype(np.float32)
+    return mean_over_squares(photo, factor) @ LUMINANCE.astype(np.float32)

@@ -9,7 +9,7 @@ from jaxtyping import Float32, UInt8
 
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import CameraResponse
-from deeplight.preprocess import mean_over_cells
+from deeplight.preprocess import mean_over_squares
 
 CLIPPED = 251 / 255
 """From this pixel value on a channel may be clipped: compression moves white by a few levels."""
@@ -111,11 +111,7 @@ def _reduced(
     factor = focal * np.pi / height / _PIXELS_PER_TEXEL
     if factor < 1.5:
         return pixels.astype(np.float32) / np.float32(255)
-    shape = [max(2, round(side / factor)) for side in pixels.shape[:2]]
-    edges = [
-        np.linspace(0, side, count + 1) for side, count in zip(pixels.shape[:2], shape, strict=True)
-    ]
-    return mean_over_cells(pixels, *edges)
+    return mean_over_squares(pixels, factor)
 
 
 def _touched(plane: ImagePlane, height: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from deeplight.camera_response import CameraResponse
 from deeplight.estimators.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
 from deeplight.frames import normalised
 from deeplight.mappings import latlong, mirror_ball, resample
-from deeplight.preprocess import mean_over_cells
+from deeplight.preprocess import mean_over_squares
 
 _ROWS = 48
 """Rows at which the map is made: a texel is the size of the ball's finest pixel."""
@@ -121,11 +121,8 @@ def _edge(
     pixels: Float32[np.ndarray, "rows columns 3"], plane: ImagePlane
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Directions, linear radiance and whether it is clipped, of cells along the photo's edge."""
-    height, width, _ = pixels.shape
-    cell = min(height, width) / _RING_CELLS
-    counts = max(3, round(height / cell)), max(3, round(width / cell))
-    edges = [np.linspace(0, n, c + 1) for n, c in zip((height, width), counts, strict=True)]
-    encoded = mean_over_cells(pixels, *edges)
+    encoded = mean_over_squares(pixels, min(pixels.shape[:2]) / _RING_CELLS, at_least=3)
+    counts = encoded.shape[:2]
     y = plane.top + (np.arange(counts[0]) + 0.5) * ((plane.bottom - plane.top) / counts[0])
     x = plane.left + (np.arange(counts[1]) + 0.5) * ((plane.right - plane.left) / counts[1])
     rays = normalised(np.stack([*np.meshgrid(x, y), np.full(counts, -1.0)], -1))
