@@ -150,9 +150,10 @@ def _poses(path: Path) -> None:
 
 def _panorama_photo(path: Path) -> None:
     from deeplight.fuse.panorama_photo import is_panorama, panorama_frames
+    from deeplight.io.photos import read_photo
 
     if is_panorama(path):
-        list(panorama_frames(path))
+        list(panorama_frames(path, read_photo(path).pixels))
 
 
 def _frames(path: Path) -> None:

@@ -22,7 +22,6 @@ from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
 from deeplight.errors import ImageFileError
 from deeplight.frames import Rotation, turned, world_from_camera
 from deeplight.io.exif import DIAGONAL_35MM_MM, exif_directories, number
-from deeplight.io.photos import read_photo
 
 PROJECTIONS = ("equirectangular", "cylindrical")
 _LOOKED_AT = 2**18  # bytes of a file in which XMP data are looked for
@@ -58,11 +57,10 @@ def is_panorama(path: Path) -> bool:
     return _value(path, b"ProjectionType") in PROJECTIONS or _swept_35mm(path) is not None
 
 
-def panorama_notes(path: Path) -> tuple[str, ...]:
-    """What had to be assumed of a panorama."""
+def panorama_notes(path: Path, height: int, width: int) -> tuple[str, ...]:
+    """What had to be assumed of a panorama of this size."""
     if _value(path, b"ProjectionType") in PROJECTIONS:
         return ()
-    height, width, _ = read_photo(path).pixels.shape
     degrees = 360 * width / _facts(path, height, width).full_width
     return (f"panorama without GPano data: taken for a cylinder {degrees:.0f} degrees wide",)
 
@@ -76,14 +74,17 @@ def _swept_35mm(path: Path) -> float | None:
 
 
 def panorama_frames(
-    path: Path,
+    path: Path, pixels: UInt8[np.ndarray, "rows columns 3"]
 ) -> Iterator[tuple[UInt8[np.ndarray, "height width 3"], float, Rotation]]:
     """Cut a panorama into pictures: pixels, vertical field of view, world_from_camera.
 
+    Args:
+        path: for its metadata.
+        pixels: what the file shows, upright.
+
     Raises:
-        OSError, ImageFileError: it cannot be read, or its metadata contradict it.
+        OSError, ImageFileError: its metadata cannot be read, or contradict it.
     """
-    pixels = read_photo(path).pixels
     facts = _facts(path, *pixels.shape[:2])
     finest = round(_VIEW_ROWS * 2 * pi / TRAINED_VERTICAL_FOV_RAD)
     if facts.full_width > finest:  # averaged first, so that looking up leaves nothing out

@@ -67,10 +67,11 @@ def read_frames(paths: Sequence[Path], poses: Poses | None) -> list[SourceFrame]
     found: list[SourceFrame] = []
     for path in paths:
         if is_panorama(path):
-            notes = panorama_notes(path)
+            whole = read_photo(path).pixels
+            notes = panorama_notes(path, *whole.shape[:2])
             found += [
                 SourceFrame(path.name, pixels, len(found) + k, 0.0, fov, 0.0, turn, notes)
-                for k, (pixels, fov, turn) in enumerate(panorama_frames(path))
+                for k, (pixels, fov, turn) in enumerate(panorama_frames(path, whole))
             ]
         else:
             found.append(frame_of(read_photo(path), path.name, len(found)))
