@@ -25,7 +25,7 @@ from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.open import open_model
 from deeplight.evaluate.benchmark import pinned
 from deeplight.evaluate.bootstrap import PlaceBootstrap
-from deeplight.evaluate.leaderboard import METRICS, Entry, update_entries
+from deeplight.evaluate.leaderboard import METRICS, Entry, numbers_of, update_entries
 from deeplight.evaluate.light_metrics import light_errors
 from deeplight.evaluate.scores import Column, rendered_radiance, score
 from deeplight.fuse.fuse import FuseSettings, fuse_frames
@@ -126,11 +126,7 @@ def entry(
 ) -> Entry:
     """One row of a leaderboard; `made` is the hash of the clips and that of the model."""
     draws = PlaceBootstrap(np.array(places))
-    numbers = {}
-    for metric in METRICS:
-        mean = draws.mean(columns[metric])
-        values = (mean.value, mean.low, mean.high)
-        numbers[metric] = [float(v) if np.isfinite(v) else None for v in values]
+    numbers = {metric: numbers_of(draws.mean(columns[metric])) for metric in METRICS}
     data, model = made
     called = (data, "analytic", f"pans_{split}, {name}", f"deeplight, {name}", model)
     return Entry(*called, len(places), len(set(places)), numbers, version("deeplight"))

@@ -15,6 +15,7 @@ import numpy as np
 
 from deeplight.dataset import DataSet
 from deeplight.errors import DataSetError
+from deeplight.evaluate.bootstrap import Interval
 from deeplight.evaluate.models import NamedModel
 from deeplight.evaluate.result import SplitResult
 from deeplight.io.atomic import replacing
@@ -145,13 +146,14 @@ def _entries(
 def _numbers(result: SplitResult, name: str) -> dict[str, list[float | None]]:
     found = {metric: result.find(name, "both", metric) for metric in METRICS}
     return {
-        metric: [
-            float(number) if np.isfinite(number) else None
-            for number in (summary.mean.value, summary.mean.low, summary.mean.high)
-        ]
-        for metric, summary in found.items()
-        if summary is not None
+        metric: numbers_of(summary.mean) for metric, summary in found.items() if summary is not None
     }
+
+
+def numbers_of(mean: Interval) -> list[float | None]:
+    """A mean as `Entry.numbers` has it."""
+    values = (mean.value, mean.low, mean.high)
+    return [float(value) if np.isfinite(value) else None for value in values]
 
 
 def _check(path: Path, old: Entry, new: Entry) -> None:
