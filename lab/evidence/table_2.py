@@ -42,10 +42,6 @@ FILTER_EPOCHS = 30
 """Of Gardner's filter at the end of training: a half-width of 7 degrees, two to three texels."""
 MEASURES = {"l1_diffuse": 3, "l1_matte_silver": 3, "l1_mirror": 3, "theta_rgb_deg": 1}
 """Columns, and their digits."""
-HEAD = (
-    "| main light | off | azimuth off | under 45° "
-    "| of another photo: off | azimuth off | under 45° |"
-)
 
 
 @dataclass(frozen=True)
