@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from deeplight.camera import PinholeCamera
 from deeplight.compose.ground import DEFAULT_PITCH_RAD
 from deeplight.compose.horizon import best_tilt
 from deeplight.dataset import Example, open_dataset
@@ -40,8 +39,7 @@ def compared(example: Example) -> tuple[float, float, float, float]:
     kept = len(example.background)
     photo[kept:] = photo[kept - 1].mean(0)  # below it the frame was cut: no edges there
     view = viewpoint(example, height, width)
-    camera = PinholeCamera(width, height, view.camera.vertical_fov_rad)
-    found = best_tilt(photo, camera)
+    found = best_tilt(photo, view.camera)
     if found is None:
         return (np.nan,) * 4
     off = np.array([found.pitch_rad, found.roll_rad, DEFAULT_PITCH_RAD])
