@@ -234,27 +234,29 @@ def _limit() -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (LIMIT_BYTES, LIMIT_BYTES))
 
 
+def _stat(process: int) -> list[str]:
+    """Give what Linux says of a process, from its state on; nothing where that is not to be had."""
+    stat = Path(f"/proc/{process}/stat")
+    return stat.read_text("utf-8", "replace").rpartition(")")[2].split() if stat.exists() else []
+
+
 def _seconds_of(process: int) -> float:
     """Give the processor time of a process so far; 0 where that is not to be had."""
-    stat = Path(f"/proc/{process}/stat")
-    if not stat.exists():
-        return 0.0
-    words = stat.read_text("utf-8", "replace").rpartition(")")[2].split()
-    return sum(map(int, words[11:15])) / os.sysconf("SC_CLK_TCK")
+    words = _stat(process)
+    return sum(map(int, words[11:15])) / os.sysconf("SC_CLK_TCK") if words else 0.0
 
 
 def _runnable(process: int) -> bool:
     """Whether a process, or one that it started, wants the processor or waits for the disk."""
-    stat = Path(f"/proc/{process}/stat")
-    if not stat.exists():
+    words = _stat(process)
+    if not words:
         return False
     children = [
         int(word)
         for file in Path(f"/proc/{process}/task").glob("*/children")
         for word in file.read_text().split()
     ]
-    state = stat.read_text("utf-8", "replace").rpartition(")")[2].split()[0]
-    return state in "RD" or any(_runnable(child) for child in children)
+    return words[0] in "RD" or any(_runnable(child) for child in children)
 
 
 def _forget_peak() -> None:
