@@ -17,7 +17,7 @@ from deeplight.io.radiance import write_exr, write_hdr
 from deeplight.io.video_writer import VideoWriter
 from deeplight.lighting import Lighting
 from lab.fuzz.dng import write_dng
-from lab.fuzz.seeds_kept import GOLDEN, KEPT
+from lab.fuzz.seeds_kept import GOLDEN, KEPT, written
 
 SIDE = 48
 _rng = np.random.default_rng(18)
@@ -196,13 +196,6 @@ PLY += b"".join(struct.pack("<fffBBB", *at, 9, 99, 200) for at in ((0, 0, 0), (1
 PLY += struct.pack("<Biii", 3, 0, 1, 2)
 
 
-def _text(content: bytes) -> Callable[[Path], None]:
-    def write(path: Path) -> None:
-        path.write_bytes(content)
-
-    return write
-
-
 def _npz(path: Path) -> None:
     np.savez_compressed(path, a=PANORAMA, b=np.arange(5), provenance=np.array("{}"), version=1)
 
@@ -249,8 +242,8 @@ SEEDS: dict[str, Callable[[Path], None]] = {
     "light.json": _lighting,
     "npz": _npz,
     "glb": _glb,
-    "obj": _text(OBJ),
-    "ply": _text(PLY),
+    "obj": written(OBJ),
+    "ply": written(PLY),
     "onnx": _onnx,
     "pano.jpg": _panorama_photo,
     "float.tif": _float_tif,

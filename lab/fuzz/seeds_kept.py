@@ -48,11 +48,17 @@ def _of_data_set(pattern: str) -> Callable[[Path], None]:
     return write
 
 
-def _json(value: object) -> Callable[[Path], None]:
+def written(content: bytes) -> Callable[[Path], None]:
+    """Give a writer of files of this content."""
+
     def write(path: Path) -> None:
-        path.write_text(json.dumps(value))
+        path.write_bytes(content)
 
     return write
+
+
+def _json(value: object) -> Callable[[Path], None]:
+    return written(json.dumps(value).encode())
 
 
 def _session(path: Path) -> None:
@@ -134,16 +140,9 @@ RIG = {
 }  # fmt: skip
 STAGE = {"lights": [{"file": "a.png", "direction": [0, 1, 0], "intensity": [1, 1, 1]}]}
 
-CLIPS = "clip,place,scene,split,licence\na.mp4,hall,indoor,train,CC0\nb,yard,outdoor,val,CC0\n"
-PLACES = "file,split,place,scene\ngood.exr,train,hall,indoor\ngood.hdr,val,yard,outdoor\n"
-STAGE_TABLE = "file,latitude_deg,longitude_deg\na.png,10,20\nb.png,0,-90\n"
-
-
-def _text(content: str) -> Callable[[Path], None]:
-    def write(path: Path) -> None:
-        path.write_text(content)
-
-    return write
+CLIPS = b"clip,place,scene,split,licence\na.mp4,hall,indoor,train,CC0\nb,yard,outdoor,val,CC0\n"
+PLACES = b"file,split,place,scene\ngood.exr,train,hall,indoor\ngood.hdr,val,yard,outdoor\n"
+STAGE_TABLE = b"file,latitude_deg,longitude_deg\na.png,10,20\nb.png,0,-90\n"
 
 
 KEPT: dict[str, Callable[[Path], None]] = {
@@ -159,9 +158,9 @@ KEPT: dict[str, Callable[[Path], None]] = {
     "key.json": _json(KEY),
     "answers.json": _json(ANSWERS),
     "board.json": _json({"format": "deeplight-leaderboard", "version": 1, "entries": [ENTRY]}),
-    "clips.csv": _text(CLIPS),
-    "places.csv": _text(PLACES),
-    "stage.csv": _text(STAGE_TABLE),
+    "clips.csv": written(CLIPS),
+    "places.csv": written(PLACES),
+    "stage.csv": written(STAGE_TABLE),
     "transfer": _transfer,
     "safetensors": _checkpoint,
     "tflite": _copy("tiny.tflite"),
