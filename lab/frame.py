@@ -15,13 +15,12 @@ from PIL import Image
 from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
 from deeplight.frames import turned, world_from_camera
 from deeplight.io.atomic import replacing
+from deeplight.io.exif import CAMERA, DIAGONAL_35MM_MM
 from deeplight.mappings.resample import sample_latlong
 from deeplight.simulate.panorama import Place, load
 from deeplight.simulate.phone import PHONES, develop, draw_automatics, metered
 
-FOCAL_LENGTH_IN_35MM = 0xA405  # EXIF tags
-EXIF_FOLDER = 0x8769
-HALF_DIAGONAL_MM = 21.63  # of a 36 x 24 mm picture
+FOCAL_LENGTH_IN_35MM = 0xA405  # EXIF's tag
 
 
 def main(panorama: Path, out: Path, yaw_deg: float = 0.0, pitch_deg: float = -15.0) -> None:
@@ -37,8 +36,8 @@ def main(panorama: Path, out: Path, yaw_deg: float = 0.0, pitch_deg: float = -15
     photo = develop(seen, setting.gain, automatics, 4, rng)
 
     exif = Image.Exif()
-    half_diagonal = np.hypot(*camera.tangents)
-    exif.get_ifd(EXIF_FOLDER)[FOCAL_LENGTH_IN_35MM] = round(HALF_DIAGONAL_MM / half_diagonal)
+    diagonal = 2 * np.hypot(*camera.tangents)
+    exif.get_ifd(CAMERA)[FOCAL_LENGTH_IN_35MM] = round(DIAGONAL_35MM_MM / diagonal)
     with replacing(out) as temporary:
         Image.fromarray(photo).save(temporary, "JPEG", quality=92, exif=exif)
 
