@@ -21,7 +21,7 @@ import numpy as np
 from deeplight import brdf
 from deeplight.camera import PinholeCamera
 from deeplight.cli.main import run_command
-from deeplight.frames import normalised
+from deeplight.frames import normalised, world_from_camera
 from deeplight.io.atomic import replacing
 from deeplight.io.environment_file import read_environment
 from deeplight.io.video_writer import VideoWriter
@@ -155,18 +155,11 @@ def walk(frames: int, rng: np.random.Generator) -> list[np.ndarray]:
     tremor = np.cumsum(rng.normal(0, np.radians(0.15), (frames, 3)), axis=0)
     wave = np.radians(rng.uniform(0, 6)) * np.sin(np.arange(frames) / frames * 2 * np.pi)
     return [
-        turned_by(yaw + speed * n + tremor[n, 0], pitch + wave[n] + tremor[n, 1], tremor[n, 2])
+        world_from_camera(
+            yaw + speed * n + tremor[n, 0], pitch + wave[n] + tremor[n, 1], tremor[n, 2]
+        )
         for n in range(frames)
     ]
-
-
-def turned_by(yaw: float, pitch: float, roll: float) -> np.ndarray:
-    """Rotation about Y, then X, then Z."""
-    c, s = np.cos([yaw, pitch, roll]), np.sin([yaw, pitch, roll])
-    about_y = np.array([[c[0], 0, s[0]], [0, 1, 0], [-s[0], 0, c[0]]])
-    about_x = np.array([[1, 0, 0], [0, c[1], -s[1]], [0, s[1], c[1]]])
-    about_z = np.array([[c[2], -s[2], 0], [s[2], c[2], 0], [0, 0, 1]])
-    return np.asarray(about_y @ about_x @ about_z)
 
 
 def drawn_setup(panorama: np.ndarray, turns: list[np.ndarray], rng: np.random.Generator) -> Setup:
