@@ -97,7 +97,7 @@ def wrong(code: int, said: str, whole: Path, kept: Path, ignore: Sequence[str] =
     """Name what is wrong with a run on a full disk."""
     got = kept / "out"
     if code == 0:
-        return differing(whole, got, tuple(ignore)) if got.exists() else ["nothing written"]
+        return differing(whole, got, ignore) if got.exists() else ["nothing written"]
     faults = [] if code == 2 else [f"exit code {code}: {said[-500:]}"]
     if "Traceback" in said:
         faults.append(f"a traceback: {said[-2000:]}")
@@ -120,7 +120,7 @@ def wrong_after_next(command: str, whole: Path, out: Path, ignore: Sequence[str]
     said = child.communicate()[1]
     if child.returncode:
         return [f"the next run: exit code {child.returncode}: {said[-500:]}"]
-    return [f"after the next run: {name}" for name in differing(whole, out, tuple(ignore))]
+    return [f"after the next run: {name}" for name in differing(whole, out, ignore)]
 
 
 if __name__ == "__main__":

@@ -79,7 +79,7 @@ def is_ignored(path: Path, ignore: Sequence[str]) -> bool:
     return any(fnmatch(path.name, pattern) for pattern in ignore)
 
 
-def differing(one: Path, other: Path, ignore: tuple[str, ...] = ()) -> list[str]:
+def differing(one: Path, other: Path, ignore: Sequence[str] = ()) -> list[str]:
     """Name the files that only one of two folders has, or that hold other bytes."""
     names = {
         path.relative_to(folder)
