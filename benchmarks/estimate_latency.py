@@ -20,6 +20,7 @@ import OpenImageIO as oiio
 from PIL import Image
 
 from deeplight.estimators.environment import scene_light
+from deeplight.estimators.network import NETWORK_SIDE
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.io.photos import read_photo
 
@@ -62,7 +63,7 @@ def measure(estimator: OnnxEstimator, path: Path, rounds: int) -> dict[str, list
         "decode whole": lambda: decode(path),
         "light": lambda: estimator.estimate(path),
         "environment": lambda: scene_light(estimator.explain(path)).environment,
-        "of which read": lambda: read_photo(path, 896),
+        "of which read": lambda: read_photo(path, NETWORK_SIDE),
         "of which network": lambda: estimator.run(inputs),
     }
     for work in works.values():
@@ -78,7 +79,7 @@ def light_off(estimator: OnnxEstimator, path: Path) -> float:
     """Mean difference of ln radiance between the light of the reduced and of the whole photo."""
     reduced, whole = (
         np.log(np.maximum(estimator.explain(path, max_side=side).lighting.radiance, 1e-6))
-        for side in (896, None)
+        for side in (NETWORK_SIDE, None)
     )
     return float(np.abs(reduced - whole).mean())
 

@@ -8,7 +8,6 @@ to it into the package.
 """
 
 import argparse
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,8 @@ from deeplight.estimators.fill import FILE, picture_of, smooth_of
 from deeplight.io.atomic import replacing
 from deeplight.io.environment_file import read_environment
 from deeplight.io.photos import encode_jpeg
+from deeplight.report.table import read_table
+from deeplight.simulate.panorama import MANIFEST
 
 WEIGHTS = Path(__file__).resolve().parents[1] / "src" / "deeplight" / "weights"
 LICENCES = ("CC0 - Poly Haven / HDRI Haven", "CC0 - Poly Haven")
@@ -54,10 +55,8 @@ def main(args: argparse.Namespace) -> None:
 
 def usable(folder: Path) -> list[dict[str, str]]:
     """Rows of the manifest that may be shipped; one panorama a place."""
-    with (folder / "manifest.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
     places: dict[str, dict[str, str]] = {}
-    for row in rows:
+    for row in read_table(folder / MANIFEST, ("file", "slug", "place", "scene")):
         clear = row["licence"] in LICENCES and row["split"] == "train"
         if clear and row["synthetic_ground"] == "false":
             places.setdefault(row["place"], row)
