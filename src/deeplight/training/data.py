@@ -1,6 +1,6 @@
 """Which examples belong to which step, and reading them without holding training back."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -143,8 +143,7 @@ def decoded_gib(examples: ExampleBytes) -> float:
     return len(examples) * (first.photo.nbytes + first.spheres.nbytes) / 2**30
 
 
-def begin_loader(_number: int) -> None:
-    """Prepare a process that decodes."""
+def _begin_worker(_number: int) -> None:
     begin_worker()
 
 
@@ -154,11 +153,27 @@ def preload(examples: Dataset[Batch], workers: int, batch_size: int = 16) -> Bat
     count = len(examples)  # type: ignore[arg-type]
     whole = Batch(*(part.new_empty((count, *part.shape)) for part in first))
     start = 0
-    for batch in DataLoader(examples, batch_size, num_workers=workers, worker_init_fn=begin_loader):
+    for batch in DataLoader(
+        examples, batch_size, num_workers=workers, worker_init_fn=_begin_worker
+    ):
         for table, part in zip(whole, batch, strict=True):
             table[start : start + len(part)] = part
         start += len(batch[0])
     return whole
+
+
+def step_loader(
+    examples: ExampleBytes, rows: Iterable[list[int]], config: DataConfig, device: torch.device
+) -> DataLoader[Batch]:
+    """Decodes the batches of a run's steps: the examples of each of `rows`."""
+    return DataLoader(
+        examples,
+        batch_sampler=rows,
+        num_workers=config.workers,
+        prefetch_factor=2 if config.workers else None,
+        pin_memory=device.type == "cuda",
+        worker_init_fn=_begin_worker,
+    )
 
 
 def take(table: Batch, indices: np.ndarray) -> Batch:
@@ -200,15 +215,8 @@ class BatchSource:
             for step in range(start, stop):
                 yield take(self.table, self.share.own(self.order.batch(step, batch_size)))
             return
-        loader = DataLoader(
-            self.examples,
-            batch_sampler=StepIndices(self.order, batch_size, start, stop, self.share),
-            num_workers=self.config.workers,
-            prefetch_factor=2 if self.config.workers else None,
-            pin_memory=self.device.type == "cuda",
-            worker_init_fn=begin_loader,
-        )
-        for batch in loader:
+        rows = StepIndices(self.order, batch_size, start, stop, self.share)
+        for batch in step_loader(self.examples, rows, self.config, self.device):
             yield to_device(Batch(*batch), self.device)
 
 

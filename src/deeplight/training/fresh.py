@@ -21,7 +21,7 @@ from deeplight.training.data import (
     DataConfig,
     ExampleBytes,
     Order,
-    begin_loader,
+    step_loader,
     to_device,
 )
 from deeplight.training.devices import ALONE, Share
@@ -136,14 +136,8 @@ class FreshBatches:
         places = examples.index.places if self.config.place_balanced else None
         order = Order(len(examples), self.seed, places).epoch(number)
         rows = [order[at * batch_size : (at + 1) * batch_size] for at in range(first, last)]
-        return DataLoader(
-            examples,
-            batch_sampler=[self.share.own(own).tolist() for own in rows],
-            num_workers=self.config.workers,
-            prefetch_factor=2 if self.config.workers else None,
-            pin_memory=self.device.type == "cuda",
-            worker_init_fn=begin_loader,
-        )
+        own = [self.share.own(row).tolist() for row in rows]
+        return step_loader(examples, own, self.config, self.device)
 
 
 def with_fresh(fingerprint: str, epochs: Epochs | None, held_out: Collection[str]) -> str:
