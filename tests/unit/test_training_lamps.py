@@ -119,10 +119,10 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_file_gives_light_and_lamps(exported: Path) -> None:
     expected, lamps = network().light(photos())
     assert lamps is not None
-    found, given = OnnxEstimator(exported).run_with_lamps(photos().numpy())
+    found, given, _ = OnnxEstimator(exported).run_fully(photos().numpy())
     np.testing.assert_allclose(found, expected, atol=5e-3, rtol=0)
     np.testing.assert_allclose(given, lamps, atol=5e-3, rtol=0)
-    other, _ = OnnxEstimator(exported).run_with_lamps(photos(seed=5).numpy())
+    other, _, _ = OnnxEstimator(exported).run_fully(photos(seed=5).numpy())
     assert np.abs(other - expected.numpy()).max() > 1e-2  # the twin that must fail
 
 
@@ -184,7 +184,7 @@ def test_a_network_that_reads_both_ways_keeps_it_in_its_file(tmp_path: Path) -> 
     contract = replace(CONTRACT, mirrored=True)
     export_onnx(network(config), contract, tmp_path / "both.onnx", float16=False)
     expected, lamps = network(config).light(photos())
-    found, given = OnnxEstimator(tmp_path / "both.onnx").run_with_lamps(photos().numpy())
+    found, given, _ = OnnxEstimator(tmp_path / "both.onnx").run_fully(photos().numpy())
     np.testing.assert_allclose(found, expected, atol=5e-3, rtol=0)
     np.testing.assert_allclose(given, lamps, atol=5e-3, rtol=0)
     again, kept = load_network(tmp_path / "both.onnx")

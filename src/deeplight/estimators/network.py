@@ -210,12 +210,6 @@ class NetworkEstimator(ABC):
     ) -> Float32[np.ndarray, "batch 3 size size"]:
         """The bare network."""
 
-    def run_with_lamps(
-        self, inputs: Float32[np.ndarray, "batch 3 height width"]
-    ) -> tuple[Float32[np.ndarray, "batch 3 size size"], Float32[np.ndarray, "batch lamp numbers"]]:
-        """The bare network and its second output, as the contract has it; here without lamps."""
-        return self.run(inputs), np.zeros((len(inputs), 0, LAMP_NUMBERS), np.float32)
-
     def run_fully(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
     ) -> tuple[
@@ -223,8 +217,9 @@ class NetworkEstimator(ABC):
         Float32[np.ndarray, "batch lamp numbers"],
         Float32[np.ndarray, "batch heads"],
     ]:
-        """The bare network with all that the contract says it has; here without heads."""
-        return *self.run_with_lamps(inputs), np.zeros((len(inputs), 0), np.float32)
+        """The bare network, its lamps and heads, as the contract has them; here with neither."""
+        none = np.zeros((len(inputs), 0, LAMP_NUMBERS), np.float32)
+        return self.run(inputs), none, np.zeros((len(inputs), 0), np.float32)
 
 
 def lamps_of(numbers: Float32[np.ndarray, "lamp numbers"]) -> tuple[Lamp, ...]:

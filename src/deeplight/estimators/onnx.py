@@ -61,16 +61,6 @@ class OnnxEstimator(NetworkEstimator):
         (output,) = self._session.run([self.contract.output_name], feed)
         return output
 
-    def run_with_lamps(
-        self, inputs: Float32[np.ndarray, "batch 3 height width"]
-    ) -> tuple[Float32[np.ndarray, "batch 3 size size"], Float32[np.ndarray, "batch lamp numbers"]]:
-        """The bare network and its lamps, none where it has no second output."""
-        if not self.contract.lamps:
-            return super().run_with_lamps(inputs)
-        names = [self.contract.output_name, self.contract.lamps_name]
-        output, lamps = self._session.run(names, {self.contract.input_name: inputs})
-        return output, lamps
-
     def run_fully(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
     ) -> tuple[
@@ -80,12 +70,13 @@ class OnnxEstimator(NetworkEstimator):
     ]:
         """The bare network with its lamps and heads, none where the contract has none."""
         contract = self.contract
-        if not contract.heads:
-            return super().run_fully(inputs)
-        names = [contract.output_name, *[contract.lamps_name] * bool(contract.lamps)]
-        found = self._session.run([*names, contract.heads_name], {contract.input_name: inputs})
-        none = np.zeros((len(inputs), 0, LAMP_NUMBERS), np.float32)
-        return found[0], found[1] if contract.lamps else none, found[-1]
+        names = [contract.output_name]
+        names += [contract.lamps_name] * bool(contract.lamps)
+        names += [contract.heads_name] * bool(contract.heads)
+        found = self._session.run(names, {contract.input_name: inputs})
+        lamps = found[1] if contract.lamps else np.zeros((len(inputs), 0, LAMP_NUMBERS), np.float32)
+        heads = found[-1] if contract.heads else np.zeros((len(inputs), 0), np.float32)
+        return found[0], lamps, heads
 
 
 def shipped_model() -> Path:
