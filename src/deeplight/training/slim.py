@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from deeplight.errors import ConfigError
 from deeplight.training.distil import lit_share, resized
-from deeplight.training.network.generator import FEATURE_SIZE, Generator, NetworkConfig
+from deeplight.training.network.generator import Generator, NetworkConfig
 from deeplight.training.network.imagenet import named_convolutions, output_moments
 from deeplight.training.network.lamps import DIMMER
 from deeplight.training.network.mobilenet_v2 import (
@@ -221,7 +221,7 @@ def copy_latent(narrow: Generator, wide: Generator) -> None:
     """
     assert isinstance(wide.latent, nn.Linear)
     assert isinstance(narrow.latent, nn.Linear)
-    old, new = (FEATURE_SIZE[g.orientation] for g in (wide, narrow))
+    old, new = wide.feature_size, narrow.feature_size
     weight = wide.latent.weight
     maps = weight.reshape(len(weight), -1, *old)  # (256, 160, 6, 5)
     if old != new:

@@ -157,7 +157,7 @@ class Generator(nn.Module):
                 f"{config.output_size} and {config.width:g}",
                 "change it",
             )
-        self.output_size, self.orientation = config.output_size, config.orientation
+        self.output_size = config.output_size
         self.encoder = MobileNetV2Encoder(config.encoder_norm, freeze_blocks, config.width)
         self.feature_size = height, width = FEATURE_SIZE[config.orientation]
         features = scaled(FEATURE_CHANNELS, config.width) * height * width  # 160 * 6 * 5 = 4,800
