@@ -5,7 +5,7 @@ light. That answers agree does not make them right, so what is said is how far o
 of such photos were where the truth is known (`benchmarks/confidence.py`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -20,6 +20,8 @@ from deeplight.preprocess import Framing, network_input
 
 Word = Literal["roughly known", "not known"]
 
+UNITS = {"direction": "degrees", "brightness": "stops", "colour": "degrees"}
+"""Of errors of what is said to be known or not."""
 DIRECTION_DEG = 18.0
 BRIGHTNESS_STOPS = 0.17
 """From this spread on direction and brightness are not known."""
@@ -57,24 +59,16 @@ class Confidence:
     @property
     def words(self) -> dict[str, Word]:
         """For direction, brightness and colour how well the estimate knows it."""
-        unfit = bool(self.warnings)
-        vague = unfit or not self.has_direction or self.direction_deg >= DIRECTION_DEG
-        return {
-            "direction": "not known" if vague else "roughly known",
-            "brightness": "not known"
-            if unfit or self.brightness_stops >= BRIGHTNESS_STOPS
-            else "roughly known",
-            "colour": "not known" if unfit else "roughly known",
-        }
+        vague = {"direction"} if self.direction_deg >= DIRECTION_DEG else set()
+        vague |= {"brightness"} if self.brightness_stops >= BRIGHTNESS_STOPS else set()
+        return words_of(vague, self.has_direction, self.warnings)
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What a user should know, a line each."""
-        words = self.words
-        units = {"direction": "degrees", "brightness": "stops", "colour": "degrees"}
         lines = []
-        for name, word in words.items():
-            error = f"{TYPICAL_ERRORS[name][word]:g} {units[name]}"
+        for name, word in self.words.items():
+            error = f"{TYPICAL_ERRORS[name][word]:g} {UNITS[name]}"
             lines.append(f"{name}: {word} (half of such photos are within {error})")
         return self.warnings or tuple(lines)
 
@@ -107,6 +101,19 @@ def confidence_of(estimator: NetworkEstimator, estimate: Estimate) -> Confidence
     answers = estimator.estimate_inputs(np.stack(inputs))
     others = [Lighting.from_log_radiance(answer) for answer in answers]
     return _spread(estimate.lighting, [others[0].mirrored(), *others[1:]], warnings_of(pixels))
+
+
+def words_of(
+    vague: Collection[str], has_direction: bool, warnings: Collection[str]
+) -> dict[str, Word]:
+    """The word for each of `UNITS`: of `vague`, of a direction where no main light stands out, and
+    of everything where the photo is unfit, nothing is known."""
+    return {
+        name: "not known"
+        if warnings or name in vague or (name == "direction" and not has_direction)
+        else "roughly known"
+        for name in UNITS
+    }
 
 
 def warnings_of(pixels: UInt8[np.ndarray, "height width 3"]) -> tuple[str, ...]:

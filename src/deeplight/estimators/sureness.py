@@ -5,13 +5,12 @@ from dataclasses import dataclass
 from math import degrees, log
 from typing import Any
 
-from deeplight.estimators.confidence import FAINT_SHARE, Word, warnings_of
+from deeplight.estimators.confidence import FAINT_SHARE, UNITS, Word, warnings_of, words_of
 from deeplight.estimators.network import Estimate
 from deeplight.harmonics import dominant_light
 
 LIMITS = {"direction": 60.0, "brightness": 0.9, "colour": 8.0}
 """Of the scales in degrees, stops and degrees: beyond them nothing is known."""
-UNITS = {"direction": "degrees", "brightness": "stops", "colour": "degrees"}
 
 
 @dataclass(frozen=True)
@@ -42,10 +41,7 @@ class Sureness:
     def words(self) -> dict[str, Word]:
         """For direction, brightness and colour how well the estimate knows it."""
         vague = {name for name, scale in self.scales.items() if scale >= LIMITS[name]}
-        vague |= set() if self.has_direction else {"direction"}
-        if self.warnings:
-            vague = set(LIMITS)
-        return {name: "not known" if name in vague else "roughly known" for name in LIMITS}
+        return words_of(vague, self.has_direction, self.warnings)
 
     @property
     def sentences(self) -> tuple[str, ...]:
