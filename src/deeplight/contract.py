@@ -116,7 +116,7 @@ class ModelContract:
     """Whether the network reads its features in both directions; of interest to training only."""
     heads: tuple[str, ...] = SINCE_VERSION_3["heads"]
     """Names of the numbers in one more output, shape (batch, names): what the network says of the
-    camera and how sure it is of the light (`estimators.heads`). Empty: there is none."""
+    camera and how sure it is of the light (`estimators.sureness`). Empty: there is none."""
     heads_name: str = SINCE_VERSION_3["heads_name"]
 
     @classmethod
