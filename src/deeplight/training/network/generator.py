@@ -238,12 +238,11 @@ class Generator(nn.Module):
     def everything(
         self, photo: Float[Tensor, "n 3 height width"]
     ) -> tuple[Float[Tensor, "n 3 size size"], Float[Tensor, "n lamp 7"] | None, Tensor]:
-        """Light and lamps as `light` gives them, and what its heads say (or the features, where it
-        has none)."""
+        """Light and lamps as `light` gives them, and what the heads say, which it must have."""
+        assert self.heads is not None
         photo, taken = self.evenly_bright(photo)
         features = self.features(photo)
-        said = features if self.heads is None else self.heads(features)
-        return (*self.light_from(features, photo, taken), said)
+        return (*self.light_from(features, photo, taken), self.heads(features))
 
     def light_from(
         self, features: Tensor, photo: Float[Tensor, "n 3 height width"], taken: Tensor | None
