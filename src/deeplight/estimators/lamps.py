@@ -273,13 +273,9 @@ def _spread_along(
 ) -> Float32[np.ndarray, "rows columns"]:
     """Weights 1 2 1 at a distance of `step`; beyond the end there is nothing."""
     result = values * np.float32(0.5)
-    from_start, from_end = (slice(step, None), slice(None, -step))
-    if axis:
-        result[:, from_start] += values[:, from_end] * np.float32(0.25)
-        result[:, from_end] += values[:, from_start] * np.float32(0.25)
-    else:
-        result[from_start] += values[from_end] * np.float32(0.25)
-        result[from_end] += values[from_start] * np.float32(0.25)
+    along, own = result.swapaxes(0, axis), values.swapaxes(0, axis)
+    along[step:] += own[:-step] * np.float32(0.25)
+    along[:-step] += own[step:] * np.float32(0.25)
     return result
 
 
