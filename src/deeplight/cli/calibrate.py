@@ -68,11 +68,10 @@ def _captured(args: Args, videos: list[Path]) -> Path:
     from deeplight.capture.catalogue import find_clips
     from deeplight.capture.clip import CaptureSettings
     from deeplight.capture.run import Outcome, capture, plan
+    from deeplight.cli.flags import check_fov
     from deeplight.cli.screen import progress_bar
-    from deeplight.errors import ConfigError
 
-    if args.fov is not None and not 0 < args.fov < 180:
-        raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
+    check_fov(args.fov)
     fov_rad = None if args.fov is None else math.radians(args.fov)
     folder = args.captured or args.out.with_name(f"{args.out.stem}-clips")
     what = plan(find_clips(videos), folder, CaptureSettings(vertical_fov_rad=fov_rad))

@@ -123,10 +123,9 @@ def _settings(args: Args) -> "CaptureSettings":
     from deeplight.capture.clip import CaptureSettings
     from deeplight.capture.located import LocateSettings
     from deeplight.capture.rig_file import read_rig_file
-    from deeplight.errors import ConfigError
+    from deeplight.cli.flags import check_fov
 
-    if args.fov is not None and not 0 < args.fov < 180:
-        raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
+    check_fov(args.fov)
     fov_rad = None if args.fov is None else math.radians(args.fov)
     rig = None if args.rig is None else read_rig_file(args.rig)
     locate = LocateSettings(diameter_m=args.diameter, rig=rig)

@@ -20,6 +20,16 @@ def flat(given: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
     return tuple(chain.from_iterable(given))
 
 
+def check_fov(fov_deg: float | None) -> None:
+    """Refuse a field of view that cannot be; None is one that is not given.
+
+    Raises:
+        ConfigError: it is not between 0 and 180 degrees.
+    """
+    if fov_deg is not None and not 0 < fov_deg < 180:
+        raise ConfigError("--fov between 0 and 180 degrees", f"{fov_deg:g}", "correct it")
+
+
 def refuse_unused(args: Any, why: str, *names: str) -> None:
     """Refuse flags that would change nothing.
 

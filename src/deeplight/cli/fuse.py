@@ -103,12 +103,12 @@ def run(args: Args) -> None:
 
 
 def _check(args: Args) -> None:
+    from deeplight.cli.flags import check_fov
     from deeplight.errors import ConfigError
 
     if not args.sources:
         raise ConfigError("a clip or photos", "none", "name them")
-    if args.fov is not None and not 0 < args.fov < 180:
-        raise ConfigError("--fov between 0 and 180 degrees", f"{args.fov:g}", "correct it")
+    check_fov(args.fov)
     if not 64 <= args.height <= 2048:
         raise ConfigError("--height from 64 to 2048", f"{args.height}", "correct it")
     if args.session is not None and args.session.suffix != ".npz":
