@@ -92,6 +92,21 @@ def test_batches_are_a_function_of_the_step(hdri, tmp_path):
         source.steps(9)
 
 
+def test_a_panorama_that_cannot_be_read_leaves_the_batches_whole(hdri, tmp_path):
+    shutil.copytree(hdri, tmp_path / "hdri")
+    (tmp_path / "hdri" / "three.exr").write_bytes(b"no picture")
+    epochs = epochs_in(tmp_path / "hdri", tmp_path / "epochs")
+    fresh = Fresh(epochs, ["paper"], "portrait")
+    source = FreshBatches(fresh, DataConfig(workers=0), 3, torch.device("cpu"))
+    whole = list(source.batches(2, 0, 4))  # an epoch of six, of which there are four
+    assert epochs.length == 6
+    assert [len(batch.photo) for batch in whole] == [2, 2, 2, 2]
+    assert torch.equal(whole[2].photo, whole[0].photo)
+    assert not torch.equal(whole[1].photo, whole[0].photo)
+    (later,) = source.batches(2, 2, 3)
+    assert torch.equal(whole[2].photo, later.photo)
+
+
 def test_a_run_that_was_stopped_goes_on_to_the_last_bit(hdri, tmp_path):
     data = write_toy_data(tmp_path / "data", {"train": 3, "val_indoor": 3})
     config, whole, part = preset("small", SETTINGS), tmp_path / "whole", tmp_path / "part"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from torch.utils.data import DataLoader
 
@@ -85,7 +86,8 @@ class Fresh:
 class FreshBatches:
     """Batches of the steps of a run, as `data.BatchSource` gives them, from new examples.
 
-    An epoch is cut into whole batches; what is left of it is not used.
+    An epoch is cut into whole batches; what is left of it is not used. One that is smaller than
+    `Epochs.length`, since a panorama could not be read, begins again at its end.
     """
 
     def __init__(
@@ -135,7 +137,8 @@ class FreshBatches:
     ) -> DataLoader[Batch]:
         places = examples.index.places if self.config.place_balanced else None
         order = Order(len(examples), self.seed, places).epoch(number)
-        rows = [order[at * batch_size : (at + 1) * batch_size] for at in range(first, last)]
+        positions = np.arange(first * batch_size, last * batch_size)
+        rows = order.take(positions, mode="wrap").reshape(-1, batch_size)
         own = [self.share.own(row).tolist() for row in rows]
         return step_loader(examples, own, self.config, self.device)
 
