@@ -1,12 +1,7 @@
 /** The three spheres and the environment in the estimated light, as the camera would show them. */
-import {
-  type Light,
-  type Matrix3x3,
-  pixelFromRadiance,
-  type SphereName,
-  transposed,
-} from "deeplight/core";
+import { type Light, type Matrix3x3, type SphereName, transposed } from "deeplight/core";
 import { box, canvas } from "./elements.ts";
+import { panoramaImage } from "./panorama-image.ts";
 import { prepareSpheres } from "./prepare-spheres.ts";
 
 const BALLS: readonly (readonly [SphereName, string])[] = [
@@ -59,25 +54,17 @@ export class LightPanel {
         paint(id, lighting.sphere(sphere));
         await rest(REST_MS / 4);
       }
-      paint("panorama", panorama(light, worldFromCamera));
+      paint("panorama", panoramaAhead(light, worldFromCamera));
       await rest(REST_MS / 4);
     }
     this.drawing = false;
   }
 }
 
-function panorama(light: Light, worldFromCamera: Matrix3x3 | null): ImageData {
+function panoramaAhead(light: Light, worldFromCamera: Matrix3x3 | null): ImageData {
   const m = worldFromCamera;
   const heading = m ? Math.atan2(-m[2], m[8]) : 0;
-  const radiance = light.environment(PANORAMA_HEIGHT, 0.5 - heading / (2 * Math.PI));
-  const picture = new ImageData(2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT);
-  for (let i = 0; i < 2 * PANORAMA_HEIGHT ** 2; i++) {
-    for (let c = 0; c < 3; c++) {
-      picture.data[4 * i + c] = 255 * pixelFromRadiance(radiance[3 * i + c]!);
-    }
-    picture.data[4 * i + 3] = 255;
-  }
-  return picture;
+  return panoramaImage(light, PANORAMA_HEIGHT, 0.5 - heading / (2 * Math.PI));
 }
 
 function paint(id: string, picture: ImageData): void {

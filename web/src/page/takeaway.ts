@@ -1,6 +1,7 @@
 /** Files for the user: through the share sheet of a phone, as a download elsewhere. */
-import { type Light, pixelFromRadiance } from "deeplight/core";
+import type { Light } from "deeplight/core";
 import { Failure } from "../failure.ts";
+import { panoramaImage } from "./panorama-image.ts";
 
 /** True when it was given away; false when the user closed the share sheet. */
 export async function give(file: File): Promise<boolean> {
@@ -34,17 +35,9 @@ export function pictureFile(canvas: HTMLCanvasElement, stem: string): Promise<Fi
 
 /** All around as one picture, exposed like the photo: the view in the middle. */
 export function panoramaPicture(light: Light, stem: string): Promise<File> {
-  const height = light.panorama?.height ?? 256;
-  const radiance = light.environment(height);
-  const picture = new ImageData(2 * height, height);
-  for (let i = 0; i < 2 * height * height; i++) {
-    for (let c = 0; c < 3; c++) {
-      picture.data[4 * i + c] = 255 * pixelFromRadiance(radiance[3 * i + c]!);
-    }
-    picture.data[4 * i + 3] = 255;
-  }
+  const picture = panoramaImage(light, light.panorama?.height ?? 256);
   const canvas = document.createElement("canvas");
-  [canvas.width, canvas.height] = [2 * height, height];
+  [canvas.width, canvas.height] = [picture.width, picture.height];
   canvas.getContext("2d")?.putImageData(picture, 0, 0);
   return pictureFile(canvas, `${stem}-around`);
 }
