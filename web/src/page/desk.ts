@@ -8,7 +8,7 @@ import { unsureOf } from "./light-in-words.ts";
 import type { Notice } from "./notice.ts";
 import { canRecord, Recorder } from "./recorder.ts";
 import { drawRing, sectorsSeen } from "./ring.ts";
-import { deskOf } from "./state.ts";
+import { deskOf, pictureOf } from "./state.ts";
 import { give, panoramaPicture, pictureFile } from "./takeaway.ts";
 
 const DEGREES = 180 / Math.PI;
@@ -208,8 +208,8 @@ export class Desk {
   /** The picture with the object in it, as large as the camera can. */
   private picture(): Promise<File> {
     const { state, stage } = this.app;
-    if (state.shows !== "live") return pictureFile(stage.snapshot(), stem());
-    return state.picture.atFullSize(() => pictureFile(stage.snapshot(), stem()));
+    const make = () => pictureFile(stage.snapshot(), stem());
+    return pictureOf(state)?.atFullSize(make) ?? make();
   }
 
   private savePanorama(): Promise<void> {
