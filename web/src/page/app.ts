@@ -7,6 +7,7 @@ import {
   IDENTITY,
   Light,
   type Matrix3x3,
+  transposed,
 } from "deeplight/core";
 import { hasSeveralCameras, LiveCamera } from "../camera/live.ts";
 import { Photo } from "../camera/photo.ts";
@@ -132,7 +133,6 @@ export class App {
     const { seen } = this;
     const heldPose = this.pose();
     const picture = Photo.of(this.state.picture);
-    this.watch?.stop();
     this.go({ what: "frozen", picture, heldPose });
     this.stage.show(picture);
     if (seen?.frame === "world") {
@@ -287,10 +287,9 @@ export class App {
       this.tiltRad = seen.pitchRad;
       this.placeAgain();
     }
-    this.stage.setLight(seen.light, seen.frame === "world" ? IDENTITY : this.pose());
-    const worldFromCamera = seen.frame === "world" ? this.pose() : null;
-    this.panel.show({ light: seen.light, worldFromCamera });
     const isLive = seen.frame === "world";
+    this.stage.setLight(seen.light, isLive ? IDENTITY : this.pose());
+    this.panel.show({ light: seen.light, worldFromCamera: isLive ? this.pose() : null });
     if (isFirst || (!isLive && !seen.isFirst)) {
       announce(`Light estimated. ${inWords(this.lightAhead(seen).mainLight())}`);
     }
@@ -302,9 +301,8 @@ export class App {
 
   /** As the camera sees it now. */
   private lightAhead({ light, frame }: Seen) {
-    if (frame === "camera") return light.lighting;
-    const [a, b, c, d, e, f, g, h, i] = this.pose();
-    return light.lighting.turned([a, d, g, b, e, h, c, f, i]);
+    const { lighting } = light;
+    return frame === "camera" ? lighting : lighting.turned(transposed(this.pose()));
   }
 
   private looked({ visualPose, isNew, tookMs }: Looked): void {
