@@ -34,8 +34,8 @@ export interface Seen {
 
 /** A frame of a film was looked at. */
 export interface Looked {
-  /** As the pictures say; null where the sensors do, and undefined where it is not known any more. */
-  readonly visualPose: Matrix3x3 | null | undefined;
+  /** As the pictures say; null where the sensors do, and where it is not known any more. */
+  readonly visualPose: Matrix3x3 | null;
   /** What was known was forgotten: another place, another light. */
   readonly isNew: boolean;
   readonly tookMs: number;
@@ -145,7 +145,7 @@ export class Watch {
     );
     if (!tracked || this.picture !== picture) return; // of a picture that is gone
     const { preprocessMs, runMs, fuseMs, isNew } = tracked;
-    const visualPose = worldFromCamera ? null : (tracked.worldFromCamera ?? undefined);
+    const visualPose = worldFromCamera ? null : tracked.worldFromCamera;
     this.watcher.looked({ visualPose, isNew, tookMs: preprocessMs + runMs + fuseMs });
     if (!tracked.light) return;
     this.litMs = now;
