@@ -2,7 +2,7 @@
 import { CONFIDENCE, SURENESS_LIMITS } from "../contract/generated.ts";
 import { luminous } from "../light/lamp.ts";
 import { findMainLight } from "../light/main-light.ts";
-import type { Vector3 } from "../light/matrix.ts";
+import { dot, type Vector3 } from "../light/matrix.ts";
 import { solidAngles } from "../light/mirror-ball.ts";
 import type { Contract } from "../network/contract.ts";
 import type { Dense } from "../network/onnx.ts";
@@ -168,7 +168,6 @@ function warningsOf({ pixels, width, height }: PlacedPhoto): string[] {
 }
 
 function angleDeg(a: Vector3, b: Vector3): number {
-  const dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-  const cosine = dot / Math.max(Math.hypot(...a) * Math.hypot(...b), 1e-12);
+  const cosine = dot(a, b) / Math.max(Math.hypot(...a) * Math.hypot(...b), 1e-12);
   return Math.acos(Math.min(Math.max(cosine, -1), 1)) * DEGREES;
 }

@@ -3,9 +3,9 @@
 import { EstimateError } from "../errors.ts";
 import { type Added, Session } from "../fuse/session.ts";
 import { type SmallPicture, smallSize } from "../fuse/view.ts";
-import { angleBetween, VisualRotation } from "../fuse/visual-rotation.ts";
+import { VisualRotation } from "../fuse/visual-rotation.ts";
 import { type Environment, seenShare } from "../light/environment.ts";
-import { IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
+import { angleBetween, IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
 import type { Contract } from "../network/contract.ts";
 import type { Network } from "../network/network.ts";
 import { CellMeans, wholePhoto } from "./cell-means.ts";

@@ -4,7 +4,7 @@
  */
 import { FUSE } from "../contract/generated.ts";
 import type { Environment } from "../light/environment.ts";
-import { IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
+import { angleBetween, IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
 import { overlapOf, placesOf, solveGains, trusted } from "./gains.ts";
 import { environmentOf } from "./merge.ts";
 import { type Cells, cellsOf, logPower, type SmallPicture, type View } from "./view.ts";
@@ -200,9 +200,7 @@ export class Session {
     const gain = (k: number) =>
       this.#logGain.subarray(3 * k, 3 * k + 3).reduce((a, b) => a + b) / 3;
     if (Math.abs(gain(i) - gain(j)) >= LIKE_EXPOSURE) return Math.PI;
-    const [a, b] = [this.#kept[i]!.view.worldFromCamera, this.#kept[j]!.view.worldFromCamera];
-    const trace = a.reduce((sum, value, k) => sum + value * b[k as 0]!, 0);
-    return Math.acos(Math.min(Math.max((trace - 1) / 2, -1), 1));
+    return angleBetween(this.#kept[i]!.view.worldFromCamera, this.#kept[j]!.view.worldFromCamera);
   }
 
   #keep(kept: readonly number[]): void {

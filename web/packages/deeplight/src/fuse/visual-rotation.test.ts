@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
 import type { Matrix3x3 } from "../light/matrix.ts";
-import { product, transposed } from "../light/matrix.ts";
+import { angleBetween, product, transposed } from "../light/matrix.ts";
 import type { SmallPicture } from "./view.ts";
-import { angleBetween, rotationOf, VisualRotation } from "./visual-rotation.ts";
+import { rotationOf, VisualRotation } from "./visual-rotation.ts";
 
 const DEGREES = 180 / Math.PI;
 const [WIDTH, HEIGHT, FOV] = [54, 96, (66 * Math.PI) / 180];

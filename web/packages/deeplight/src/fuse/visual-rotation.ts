@@ -5,7 +5,7 @@
  * fits best, then the rotation that leaves the least (Gauss-Newton; Lucas and Kanade 1981). A key
  * picture stays where it is, so errors do not add up from frame to frame.
  */
-import { IDENTITY, type Matrix3x3, product, transposed } from "../light/matrix.ts";
+import { angleBetween, IDENTITY, type Matrix3x3, product, transposed } from "../light/matrix.ts";
 import { solved } from "./solve.ts";
 import { type SmallPicture, tangents } from "./view.ts";
 
@@ -78,11 +78,6 @@ export class VisualRotation {
   reset(): void {
     this.#keys = [];
   }
-}
-
-export function angleBetween(a: Matrix3x3, b: Matrix3x3): number {
-  const trace = a.reduce((sum, value, i) => sum + value * b[i as 0], 0);
-  return Math.acos(Math.min(Math.max((trace - 1) / 2, -1), 1));
 }
 
 function pyramidOf(picture: SmallPicture): Pyramid {

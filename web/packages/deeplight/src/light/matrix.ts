@@ -35,6 +35,16 @@ export function product(a: Matrix3x3, b: Matrix3x3): Matrix3x3 {
   return [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
 }
 
+export function dot(a: Vector3, b: Vector3): number {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/** The angle of the rotation that takes one to the other. */
+export function angleBetween(a: Matrix3x3, b: Matrix3x3): number {
+  const trace = a.reduce((sum, value, i) => sum + value * b[i as 0], 0);
+  return Math.acos(Math.min(Math.max((trace - 1) / 2, -1), 1));
+}
+
 /** The same direction at length 1; what has none stays. */
 export function normalised([x, y, z]: Vector3): Vector3 {
   const length = Math.hypot(x, y, z) || 1;

@@ -9,7 +9,7 @@ import {
   PAPER_RIG,
   REFLECTIVITY,
 } from "../contract/generated.ts";
-import { type Matrix3x3, transposed, turned, type Vector3 } from "./matrix.ts";
+import { dot, type Matrix3x3, normalised, transposed, turned, type Vector3 } from "./matrix.ts";
 import { coverage, pixelOfDirection, type Subpixels, subpixels } from "./mirror-ball.ts";
 
 export type SphereName = keyof typeof REFLECTIVITY;
@@ -190,13 +190,4 @@ function surface(name: SphereName, u: number, v: number): { normal: Vector3; vie
   const normal = normalised([ray[0] * depth, ray[1] * depth, ray[2] * depth + distance]);
   const back: Vector3 = [-ray[0], -ray[1], -ray[2]];
   return { normal: turned(cameraFromBall, normal), view: turned(cameraFromBall, back) };
-}
-
-function dot(a: Vector3, b: Vector3): number {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-function normalised(v: Vector3): Vector3 {
-  const length = Math.hypot(...v);
-  return [v[0] / length, v[1] / length, v[2] / length];
 }

@@ -4,7 +4,7 @@
  */
 import { PHOTO_LIGHT } from "../contract/generated.ts";
 import { radianceFromPixel } from "../light/camera-response.ts";
-import { normalised, type Vector3 } from "../light/matrix.ts";
+import { dot, normalised, type Vector3 } from "../light/matrix.ts";
 import { cellMeans } from "../light/means.ts";
 import { solidAngles, subpixels } from "../light/mirror-ball.ts";
 import { enlarged, powerOf, rowSolidAngles, sampled, texelDirections } from "../light/panorama.ts";
@@ -219,8 +219,4 @@ function ratioOf(encoded: number, here: number): number {
   const ln = Math.log(Math.max(linear, DARKEST) / Math.max(here, DARKEST));
   const within = Math.min(Math.max(ln, -MOST_ADAPTED), MOST_ADAPTED);
   return encoded > 0.9 * CLIPPED ? Math.max(within, 0) : within; // there it only says "at least"
-}
-
-function dot(a: Vector3, b: Vector3): number {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
