@@ -137,7 +137,7 @@ export function ballFromPanorama(
 ): Float32Array {
   const { pixel, area, parts } = binsOf(height, size);
   const whole = solidAngles(size);
-  const share = rowShares(height, parts);
+  const share = rowSolidAngles(height * parts);
   const power = new Float64Array(3 * size * size);
   const darkest = new Float64Array(3 * size * size).fill(Number.POSITIVE_INFINITY);
   const width = 2 * height * parts;
@@ -178,7 +178,7 @@ const binsOf = remembered((height: number, size: number): Bins => {
   const fine = height * parts;
   const pixel = new Int32Array(2 * fine * fine);
   const area = new Float64Array(size * size);
-  const share = rowShares(height, parts);
+  const share = rowSolidAngles(fine);
   for (let i = 0; i < pixel.length; i++) {
     const row = Math.floor(i / (2 * fine));
     pixel[i] = pixelOfDirection(directionOfPixel(row, i % (2 * fine), fine), size);
@@ -186,7 +186,3 @@ const binsOf = remembered((height: number, size: number): Bins => {
   }
   return { pixel, area, parts };
 });
-
-const rowShares = remembered(
-  (height: number, parts: number): Float64Array => rowSolidAngles(height * parts),
-);
