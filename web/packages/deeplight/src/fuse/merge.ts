@@ -2,8 +2,10 @@
  * Seen pixels and the network's estimates of all views as one light, its power right: merge.py,
  * which says why it is merged so.
  */
-import { FUSE, LUMINANCE } from "../contract/generated.ts";
+import { FUSE } from "../contract/generated.ts";
 import type { Environment } from "../light/environment.ts";
+import { luminous } from "../light/lamp.ts";
+import { luminance } from "../light/main-light.ts";
 import type { Matrix3x3, Vector3 } from "../light/matrix.ts";
 import { nearestLit, uvFromDirection } from "../light/mirror-ball.ts";
 import { enlarged, powerOf, rowSolidAngles, shrunk, texelDirections } from "../light/panorama.ts";
@@ -13,7 +15,6 @@ import type { Cells, View } from "./view.ts";
 import { logPower } from "./view.ts";
 
 const { BRIGHTEST, DIM, ESTIMATE_ROWS, FIND_KAPPA, FIND_ROWS, LEVEL, LOBE_KAPPA, NEAR } = FUSE;
-const [R, G, B] = LUMINANCE;
 
 /** Views in one world with what was made of them. */
 export interface Gathered {
@@ -113,14 +114,14 @@ function addLostLobe(
   height: number,
 ): void {
   const sr = rowSolidAngles(height);
-  const lost = [0, 0, 0];
+  const lost: [number, number, number] = [0, 0, 0];
   const weighted = logs.map((value, i) => {
     const texel = Math.floor(i / 3);
     const weight = (1 - share[texel]!) * sr[Math.floor(texel / (2 * height))]!;
-    lost[i % 3]! += weight * Math.max(mean[i]! - value, 0);
+    lost[(i % 3) as 0 | 1 | 2] += weight * Math.max(mean[i]! - value, 0);
     return value * weight;
   });
-  if (!(R * lost[0]! + G * lost[1]! + B * lost[2]! > 0)) return;
+  if (!(luminous(lost) > 0)) return;
   const [x, y, z] = brightest(weighted, height);
   const directions = texelDirections(height);
   let power = 0;
@@ -141,9 +142,9 @@ function brightest(power: Float32Array, height: number): Vector3 {
   const rows = Math.min(FIND_ROWS, height);
   const columns = 2 * rows;
   const coarse = shrunk(power, height, rows);
-  const luminous = new Float32Array(rows * columns);
-  for (let i = 0; i < luminous.length; i++) {
-    luminous[i] = R * coarse[3 * i]! + G * coarse[3 * i + 1]! + B * coarse[3 * i + 2]!;
+  const bright = new Float32Array(rows * columns);
+  for (let i = 0; i < bright.length; i++) {
+    bright[i] = luminance(coarse, i);
   }
   const near = nearness(rows);
   let [best, most] = [0, Number.NEGATIVE_INFINITY];
@@ -153,7 +154,7 @@ function brightest(power: Float32Array, height: number): Vector3 {
       for (let other = 0, i = 0; other < rows; other++) {
         const line = (row * rows + other) * columns;
         for (let k = 0; k < columns; k++, i++) {
-          sum += near[line + ((k - column + columns) % columns)]! * luminous[i]!;
+          sum += near[line + ((k - column + columns) % columns)]! * bright[i]!;
         }
       }
       if (sum > most) [best, most] = [row * columns + column, sum];
@@ -207,27 +208,25 @@ function raiseLamps(
 ): void {
   const sr = rowSolidAngles(height);
   const power = powerOf(radiance, height);
-  const missing = whole.map((value, c) => Math.max(value - power[c]!, 0));
-  let total = whole.reduce(
-    (sum, value, c) => sum + LUMINANCE[c as 0 | 1 | 2] * (value - power[c]!),
-    0,
-  );
+  const beyond: Vector3 = [whole[0] - power[0], whole[1] - power[1], whole[2] - power[2]];
+  const missing: Vector3 = [Math.max(beyond[0], 0), Math.max(beyond[1], 0), Math.max(beyond[2], 0)];
+  let total = luminous(beyond);
   if (total <= 0 || !missing.some((value) => value > 0)) return;
   let [bound, shares] = [0, 0];
   const share = new Float64Array(clipped.length);
   clipped.forEach((channels, i) => {
     if (!channels) return;
     const weight = sr[Math.floor(i / (2 * height))]!;
-    const own = R * radiance[3 * i]! + G * radiance[3 * i + 1]! + B * radiance[3 * i + 2]!;
-    const expected = R * mean[3 * i]! + G * mean[3 * i + 1]! + B * mean[3 * i + 2]!;
+    const own = luminance(radiance, i);
     bound += own * weight;
-    share[i] = (channels / 3) ** 3 * own * expected ** 2;
+    share[i] = (channels / 3) ** 3 * own * luminance(mean, i) ** 2;
     shares += share[i]! * weight;
   });
   total = Math.min(total, BRIGHTEST * bound);
-  const luminous = R * missing[0]! + G * missing[1]! + B * missing[2]!;
+  const all = luminous(missing);
   for (let i = 0; i < radiance.length; i++) {
-    radiance[i]! += (share[Math.floor(i / 3)]! / shares) * (missing[i % 3]! / luminous) * total;
+    radiance[i]! +=
+      (share[Math.floor(i / 3)]! / shares) * (missing[(i % 3) as 0 | 1 | 2] / all) * total;
   }
 }
 

@@ -111,7 +111,7 @@ const cones = remembered((size: number): readonly (readonly number[])[] => {
   );
 });
 
-function luminance(values: Float32Array | Float64Array, pixel: number): number {
+export function luminance(values: Float32Array | Float64Array, pixel: number): number {
   const [r, g, b] = LUMINANCE;
   return r * values[3 * pixel]! + g * values[3 * pixel + 1]! + b * values[3 * pixel + 2]!;
 }
