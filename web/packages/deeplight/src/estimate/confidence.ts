@@ -3,7 +3,7 @@ import { CONFIDENCE, SURENESS_LIMITS } from "../contract/generated.ts";
 import { luminous } from "../light/lamp.ts";
 import { findMainLight } from "../light/main-light.ts";
 import { dot, type Vector3 } from "../light/matrix.ts";
-import { solidAngles } from "../light/mirror-ball.ts";
+import { powerOfBall, solidAngles } from "../light/mirror-ball.ts";
 import type { Contract } from "../network/contract.ts";
 import type { Dense } from "../network/onnx.ts";
 import type { PlacedPhoto } from "../scene/image-plane.ts";
@@ -134,12 +134,8 @@ function aboutBall(log: Float32Array): About {
   const size = Math.sqrt(log.length / 3);
   const sr = solidAngles(size);
   const radiance = log.map((value, i) => (sr[Math.floor(i / 3)]! > 0 ? Math.exp(value) : 0));
-  const power: [number, number, number] = [0, 0, 0];
-  for (let i = 0; i < radiance.length; i++) {
-    power[(i % 3) as 0 | 1 | 2] += sr[Math.floor(i / 3)]! * radiance[i]!;
-  }
   const { direction, share } = findMainLight(radiance, size);
-  return { direction, share, power };
+  return { direction, share, power: powerOfBall(radiance, size) };
 }
 
 /** What makes a photo unfit to estimate light from, in words. */

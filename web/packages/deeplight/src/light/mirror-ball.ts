@@ -57,6 +57,15 @@ export const solidAngles = remembered(
   (size: number): Float64Array => coverage(size).map((share) => share * (16 / size ** 2)),
 );
 
+/** Radiance of a ball summed over all directions, RGB. */
+export function powerOfBall(ball: Float32Array, size: number): Vector3 {
+  const sum: [number, number, number] = [0, 0, 0];
+  solidAngles(size).forEach((sr, i) => {
+    for (const c of [0, 1, 2] as const) sum[c] += sr * ball[3 * i + c]!;
+  });
+  return sum;
+}
+
 /** For each pixel the index of itself, or of the pixel at the rim towards the centre. */
 export const nearestLit = remembered((size: number): Int32Array => {
   const index = new Int32Array(size * size);

@@ -6,7 +6,7 @@ import { PHOTO_LIGHT } from "../contract/generated.ts";
 import { type Lamp, lobeOnBall, luminous } from "../light/lamp.ts";
 import { findMainLight } from "../light/main-light.ts";
 import { normalised, type Vector3 } from "../light/matrix.ts";
-import { pixelDirection, solidAngles } from "../light/mirror-ball.ts";
+import { pixelDirection, powerOfBall, solidAngles } from "../light/mirror-ball.ts";
 import { shrunk, texelDirections, texelOf } from "../light/panorama.ts";
 import { addRaised, type ClippedArea, clippedAreas, lampOf } from "./clipped-areas.ts";
 import { type ProjectedPhoto, smoothstep } from "./image-plane.ts";
@@ -197,14 +197,6 @@ function unseenDirection(
     if (cosine > most) [best, most] = [i, cosine];
   });
   return normalised([texels[3 * best]!, texels[3 * best + 1]!, texels[3 * best + 2]!]);
-}
-
-function powerOfBall(ball: Float32Array, size: number): Vector3 {
-  const sum: [number, number, number] = [0, 0, 0];
-  solidAngles(size).forEach((sr, i) => {
-    for (const c of [0, 1, 2] as const) sum[c] += sr * ball[3 * i + c]!;
-  });
-  return sum;
 }
 
 function summed(vectors: readonly Vector3[]): Vector3 {
