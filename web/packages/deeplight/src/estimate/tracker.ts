@@ -1,13 +1,12 @@
 /** The frames of one place, one after the other: an estimate where something moved, and the light of all. */
 
-import { EstimateError } from "../errors.ts";
 import { type Added, Session } from "../fuse/session.ts";
 import { type SmallPicture, smallSize } from "../fuse/view.ts";
 import { VisualRotation } from "../fuse/visual-rotation.ts";
 import { type Environment, seenShare } from "../light/environment.ts";
 import { angleBetween, IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
 import type { Contract } from "../network/contract.ts";
-import type { Network } from "../network/network.ts";
+import { type Network, requireFinite } from "../network/network.ts";
 import { CellMeans, wholePhoto } from "./cell-means.ts";
 import { framePhoto } from "./framing.ts";
 import { type Frame, type Picker, sizeOf } from "./picker.ts";
@@ -66,10 +65,8 @@ export class Tracker {
       const nothing = { isStill: pose !== null, isNew: false, added: null };
       return { ...times, ...nothing, ...this.#light(request), worldFromCamera: pose };
     }
-    const { logRadiance } = network.estimate(planes());
-    if (!logRadiance.every((value) => value < 88.7)) {
-      throw new EstimateError("no-light", "expected finite light, got NaN or infinity");
-    }
+    const logRadiance = network.logRadiance(planes());
+    requireFinite(logRadiance);
     const done = performance.now();
     const added = this.#add(picture, pose, logRadiance);
     const light = this.#light(request);

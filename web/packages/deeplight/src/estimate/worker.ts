@@ -6,7 +6,7 @@ import { type Lamp, lampsOf } from "../light/lamp.ts";
 import { Lighting } from "../light/lighting.ts";
 import type { Matrix3x3 } from "../light/matrix.ts";
 import type { Contract } from "../network/contract.ts";
-import { Network } from "../network/network.ts";
+import { Network, requireFinite } from "../network/network.ts";
 import type { Dense } from "../network/onnx.ts";
 import { planeOf, reducedSize } from "../scene/image-plane.ts";
 import { type SceneLight, sceneLight } from "../scene/scene-light.ts";
@@ -174,11 +174,10 @@ async function estimate(frame: Frame, fov?: number, sceneRows?: number): Promise
   const heads = headsIn(others, contract);
   if (heads) return { ...answer, scene, confidence: surenessOf(heads, logRadiance, placed) };
   const answers = [
-    mirroredBall(network.estimate(mirroredPlanes(planes, contract)).logRadiance),
-    ...cuts.map((cut) => {
-      const seen = cut.planes(contract.input_low, contract.input_high, isReversed);
-      return network.estimate(seen).logRadiance;
-    }),
+    mirroredBall(network.logRadiance(mirroredPlanes(planes, contract))),
+    ...cuts.map((cut) =>
+      network.logRadiance(cut.planes(contract.input_low, contract.input_high, isReversed)),
+    ),
   ];
   return { ...answer, scene, confidence: confidenceOf(logRadiance, answers, placed) };
 }
@@ -194,12 +193,6 @@ async function hash(bytes: Uint8Array): Promise<string | null> {
   if (!globalThis.crypto?.subtle) return null;
   const digest = await crypto.subtle.digest("SHA-256", bytes as Uint8Array<ArrayBuffer>);
   return Array.from(new Uint8Array(digest), (byte) => byte.toString(16).padStart(2, "0")).join("");
-}
-
-function requireFinite(logRadiance: Float32Array): void {
-  if (!logRadiance.every((value) => value < 88.7)) {
-    throw new EstimateError("no-light", "expected finite light, got NaN or infinity");
-  }
 }
 
 function reply(message: Reply): void {

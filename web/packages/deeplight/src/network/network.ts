@@ -50,6 +50,13 @@ export class Network {
   }
 }
 
+/** @throws EstimateError `no-light` where it is more than a 32-bit float holds, or NaN. */
+export function requireFinite(logRadiance: Float32Array): void {
+  if (!logRadiance.every((value) => value < 88.7)) {
+    throw new EstimateError("no-light", "expected finite light, got NaN or infinity");
+  }
+}
+
 function outOfContract(): EstimateError {
   return new EstimateError("model-damaged", "expected a model that keeps its own contract");
 }
