@@ -3,7 +3,7 @@
 import { type Added, Session } from "../fuse/session.ts";
 import { type SmallPicture, smallSize } from "../fuse/view.ts";
 import { VisualRotation } from "../fuse/visual-rotation.ts";
-import { type Environment, seenShare } from "../light/environment.ts";
+import type { Environment } from "../light/environment.ts";
 import { angleBetween, IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
 import type { Contract } from "../network/contract.ts";
 import { type Network, requireFinite } from "../network/network.ts";
@@ -30,8 +30,6 @@ export interface Tracked {
   readonly added: Added | null;
   /** The light of all frames in the world's frame, relative to this frame's white; null where not asked for. */
   readonly light: Environment | null;
-  /** Part of all directions that was seen, 0 to 1; null as `light`. */
-  readonly seenShare: number | null;
   readonly preprocessMs: number;
   readonly runMs: number;
   readonly fuseMs: number;
@@ -63,7 +61,7 @@ export class Tracker {
     const times = { preprocessMs: prepared - started, runMs: 0, fuseMs: 0 };
     if (!pose || this.#isStill(picture, pose)) {
       const nothing = { isStill: pose !== null, isNew: false, added: null };
-      return { ...times, ...nothing, ...this.#light(request), worldFromCamera: pose };
+      return { ...times, ...nothing, light: this.#light(request), worldFromCamera: pose };
     }
     const logRadiance = network.logRadiance(planes());
     requireFinite(logRadiance);
@@ -71,7 +69,7 @@ export class Tracker {
     const added = this.#add(picture, pose, logRadiance);
     const light = this.#light(request);
     return {
-      ...light,
+      light,
       worldFromCamera: pose,
       isStill: false,
       isNew: isNew || added.forgotten,
@@ -130,12 +128,11 @@ export class Tracker {
     return sum / picture.pixels.length < STILL_LEVELS;
   }
 
-  #light({ rows, evenIfSame }: TrackRequest): Pick<Tracked, "light" | "seenShare"> {
+  #light({ rows, evenIfSame }: TrackRequest): Environment | null {
     const isNeeded = rows > 0 && this.#session.views.length > 0;
-    if (!isNeeded || (this.#isLit && !evenIfSame)) return { light: null, seenShare: null };
+    if (!isNeeded || (this.#isLit && !evenIfSame)) return null;
     this.#isLit = true;
-    const light = this.#session.environment(rows, IDENTITY, this.#logGain);
-    return { light, seenShare: seenShare(light) };
+    return this.#session.environment(rows, IDENTITY, this.#logGain);
   }
 }
 
