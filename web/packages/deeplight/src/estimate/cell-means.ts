@@ -3,6 +3,8 @@
  * framing, as preprocess.network_input. Where the photo does not reach, its edge pixels go on.
  */
 
+import type { Size } from "../light/means.ts";
+
 /** Cells over a photo; edges in pixels from its upper left corner, which may lie outside it. */
 export interface Grid {
   readonly photoHeight: number;
@@ -27,11 +29,6 @@ export function wholePhoto(photo: Size, cells: Size): Grid {
     inputHeight: cells.height,
     inputWidth: cells.width,
   };
-}
-
-export interface Size {
-  readonly width: number;
-  readonly height: number;
 }
 
 /** Which pixels of a line a cell covers, and how far the first and the last. */
