@@ -35,6 +35,8 @@ const LARGEST_HALF = 65504;
 const HARMONICS = 9;
 
 export class BallLight {
+  /** What the panorama's texture shows. */
+  private shown: Environment | null = null;
   private readonly ball = smooth(new DataTexture(null, LIGHTING_SIZE, LIGHTING_SIZE));
   private readonly uniforms = {
     ball: { value: this.ball },
@@ -83,6 +85,8 @@ export class BallLight {
   }
 
   private setPanorama(panorama: Environment | null): void {
+    if (panorama === this.shown) return; // only the object was turned
+    this.shown = panorama;
     const { panorama: texture, panoramaRows } = this.uniforms;
     if (panorama && panoramaRows.value !== panorama.height) {
       if (texture.value !== this.ball) texture.value.dispose(); // its size is fixed

@@ -60,7 +60,19 @@ function ofBall({ lighting }: Light): Places {
   };
 }
 
-function ofPanorama({ radiance, height }: Environment): Places {
+/** Made once for a light: an object that is turned asks again and again. */
+const kept = new WeakMap<Environment, Places>();
+
+function ofPanorama(panorama: Environment): Places {
+  let places = kept.get(panorama);
+  if (!places) {
+    places = placesOf(panorama);
+    kept.set(panorama, places);
+  }
+  return places;
+}
+
+function placesOf({ radiance, height }: Environment): Places {
   const rows = Math.min(ROWS, height);
   const sr = rowSolidAngles(rows);
   return {
