@@ -17,10 +17,7 @@ let browser: Browser;
 let axe: string;
 
 beforeAll(async () => {
-  const clip = path.join(await mkdtemp(path.join(tmpdir(), "deeplight-axe-")), "clip.mjpeg");
-  const maker = await launch();
-  await makeClip(maker, clip);
-  await maker.close();
+  const clip = await makeClip(await mkdtemp(path.join(tmpdir(), "deeplight-axe-")));
   [site, browser, axe] = await Promise.all([serve(), launch(clip), readFile(AXE, "utf8")]);
 });
 afterAll(async () => {

@@ -15,13 +15,7 @@ let folder: string;
 
 beforeAll(async () => {
   folder = await mkdtemp(path.join(tmpdir(), "deeplight-camera-"));
-  let clip = process.env.DEEPLIGHT_CLIP; // a simulated one: docs/demo.md
-  if (!clip) {
-    clip = path.join(folder, "clip.mjpeg");
-    const maker = await launch();
-    await makeClip(maker, clip);
-    await maker.close();
-  }
+  const clip = process.env.DEEPLIGHT_CLIP || (await makeClip(folder)); // a simulated one: docs/demo.md
   [site, browser] = await Promise.all([serve(), launch(clip)]);
 });
 afterAll(async () => {

@@ -1,18 +1,22 @@
 /** Clips for the fake camera, made of an example photo: a phone panned over it. */
 import { readFile, writeFile } from "node:fs/promises";
-import type { Browser } from "playwright-core";
+import path from "node:path";
+import { launch } from "./browser.ts";
 
 export const PHOTOS = new URL("../../examples/photos/", import.meta.url);
 const FRAMES = 24;
 const SIZE = { width: 432, height: 768 };
 
-/** Chromium plays concatenated JPEGs, over and over. */
-export async function makeClip(browser: Browser, file: string): Promise<void> {
+/** Makes a clip in a folder: concatenated JPEGs, which Chromium plays over and over. */
+export async function makeClip(folder: string): Promise<string> {
+  const browser = await launch();
   const photo = (await readFile(new URL("canteen.jpg", PHOTOS))).toString("base64");
   const page = await browser.newPage();
   const frames = await page.evaluate(panned, { photo, ...SIZE, count: FRAMES });
-  await page.close();
-  await writeFile(file, Buffer.concat(frames.map((frame) => Buffer.from(frame, "base64"))));
+  await browser.close();
+  const clip = path.join(folder, "clip.mjpeg");
+  await writeFile(clip, Buffer.concat(frames.map((frame) => Buffer.from(frame, "base64"))));
+  return clip;
 }
 
 /** Runs in the browser. */

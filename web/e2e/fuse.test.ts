@@ -19,10 +19,7 @@ let folder: string;
 
 beforeAll(async () => {
   folder = await mkdtemp(path.join(tmpdir(), "deeplight-fuse-"));
-  const clip = path.join(folder, "clip.mjpeg");
-  const maker = await launch();
-  await makeClip(maker, clip);
-  await maker.close();
+  const clip = await makeClip(folder);
   [site, browser] = await Promise.all([serve(), launch(clip)]);
 });
 afterAll(async () => {
