@@ -83,8 +83,8 @@ def test_estimate_is_a_plain_function_that_runs_in_other_processes() -> None:
 
 def test_many_photos_give_what_each_gives_and_bad_ones_are_reported(tiny_model: Path) -> None:
     network, calls = OnnxEstimator(tiny_model), []
-    whole = network.run
-    network.run = lambda inputs: calls.append(len(inputs)) or whole(inputs)  # type: ignore[method-assign, func-returns-value]
+    whole = network.run_fully
+    network.run_fully = lambda inputs: calls.append(len(inputs)) or whole(inputs)  # type: ignore[method-assign, func-returns-value]
     photos = [np.roll(grey_gradient(), 7 * n, axis=0) for n in range(20)]
     mixed = [*photos[:3], "missing.jpg", *photos[3:]]
     done: list[int] = []
