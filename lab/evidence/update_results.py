@@ -1,6 +1,9 @@
-"""Put the numbers of evaluations into README.md, MODEL_CARD.md and docs/results.md.
+"""Put the numbers of evaluations into README.md, MODEL_CARD.md and docs/results*.md.
 
 python -m lab.evidence.update_results FOLDER...     folders that `deeplight evaluate --out` wrote
+
+docs/results.md has one table for each split; docs/results-full.md has every number: indoor and
+outdoor apart, errors against the true light, change from frame to frame.
 
 `make results` does both. Only what stands between markers is replaced:
 
@@ -47,6 +50,7 @@ IN_WORDS = {
     "khan_2006": "Khan et al. 2006",
     "nearest_neighbour": "light of the most similar training photo (after Karsch et al. 2014)",
 }
+DOCUMENTS = ("README.md", "MODEL_CARD.md", "docs/results.md", "docs/results-full.md")
 SPLITS = {"val": "validation", "test": "test"}
 
 Rows = Mapping[tuple[str, str, str, str], Mapping[str, Any]]
@@ -112,50 +116,68 @@ def summary(results: Results) -> str:
     return "\n".join([*lines, "", sentence]) + "\n"
 
 
-def tables(results: Results) -> str:
+def short_tables(results: Results) -> str:
+    """One table for each split, and the model's errors over those of constant lighting."""
+    forms = {metric: FORMS[metric] for metric in (*SPHERES, "theta_rgb_deg")}
+    head = ["", "L1 diffuse", "L1 silver", "L1 mirror", "angle of colour, °", "direction, °"]
+    parts: list[str] = []
+    over: list[list[str]] = []
+    for split in results.splits:
+        rows = [
+            [
+                name,
+                *(cell(results, (split, name, "both", m), form) for m, form in forms.items()),
+                cell(results, (split, name, "both", "direction_deg"), "{:.0f}", "median"),
+            ]
+            for name in results.estimators(split)
+        ]
+        parts += [_heading(results, split), table(head, rows)]
+        over += [
+            [f"{split}, of {name}", *ratios]
+            for name, _, *ratios in _ratio_rows(results, split, ("both",))
+        ]
+    return "\n".join([*parts, table(["the model's L1", "diffuse", "silver", "mirror"], over)])
+
+
+def full_tables(results: Results) -> str:
     """Every estimator by split and scene, with 95 % intervals."""
     return "\n".join(part for split in results.splits for part in _split(results, split))
 
 
 def _split(results: Results, split: str) -> list[str]:
+    head = ["", "scene", "L1 diffuse", "L1 silver", "L1 mirror", "angle of colour, °", "radiance"]
+    rows = [
+        [name, scene, *(cell(results, (split, name, scene, m), f) for m, f in FORMS.items())]
+        for name in results.estimators(split)
+        for scene in SCENES
+    ]
+    over = [f"{results.estimators(split)[0]} over", "scene", "diffuse", "silver", "mirror"]
+    return [
+        _heading(results, split),
+        table(head, rows),
+        table(over, _ratio_rows(results, split, SCENES)),
+        *_light(results, split),
+    ]
+
+
+def _heading(results: Results, split: str) -> str:
     examples, places = results.count(split)
-    parts = [f"### {split}: {examples} examples in {places} places\n"]
-    parts.append(
-        table(
-            ["", "scene", "L1 diffuse", "L1 silver", "L1 mirror", "angle of colour, °", "radiance"],
-            [
-                [
-                    name,
-                    scene,
-                    *(cell(results, (split, name, scene, m), f) for m, f in FORMS.items()),
-                ]
-                for name in results.estimators(split)
-                for scene in SCENES
-            ],
-        )
-    )
+    return f"### {split}: {examples} examples in {places} places\n"
+
+
+def _ratio_rows(results: Results, split: str, scenes: Sequence[str]) -> list[list[str]]:
+    """What the model's errors are of those of each constant lighting."""
     first = results.estimators(split)[0]
-    ratios = results.rows[split, first, "both", SPHERES[0]]["ratio"]
-    parts.append(
-        table(
-            [f"{first} over", "scene", "diffuse", "silver", "mirror"],
-            [
-                [
-                    reference,
-                    scene,
-                    *(
-                        with_interval(
-                            "{:.2f}", results.rows[split, first, scene, m]["ratio"][reference]
-                        )
-                        for m in SPHERES
-                    ),
-                ]
-                for reference in ratios
-                for scene in SCENES
-            ],
-        )
-    )
-    return [*parts, *_light(results, split)]
+    ratios = {
+        (scene, metric): results.rows[split, first, scene, metric]["ratio"]
+        for scene in scenes
+        for metric in SPHERES
+    }
+    return [
+        [name, scene, *(with_interval("{:.2f}", ratios[scene, m][name]) for m in SPHERES)]
+        for name in ratios["both", SPHERES[0]]
+        for scene in scenes
+    ]
 
 
 def _light(results: Results, split: str) -> list[str]:
@@ -237,8 +259,12 @@ def replaced(text: str, blocks: Mapping[str, str], name: str) -> str:
 def update(folders: Sequence[Path], root: Path = ROOT) -> list[Path]:
     """Rewrite the documents under `root`; give those that changed."""
     results = load(folders)
-    blocks = {"summary": summary(results), "tables": tables(results)}
-    documents = [root / name for name in ("README.md", "MODEL_CARD.md", "docs/results.md")]
+    blocks = {
+        "summary": summary(results),
+        "tables": short_tables(results),
+        "full tables": full_tables(results),
+    }
+    documents = [root / name for name in DOCUMENTS]
     texts = {path: path.read_text(encoding="utf-8") for path in documents}
     new = {path: replaced(text, blocks, path.name) for path, text in texts.items()}
     changed = [path for path in documents if new[path] != texts[path]]

@@ -9,7 +9,13 @@ import pytest
 
 from scripts import loaded
 
-DOCUMENTS = ("README.md", "MODEL_CARD.md", "docs/results.md")
+BLOCKS = {
+    "README.md": "summary",
+    "MODEL_CARD.md": "summary",
+    "docs/results.md": "tables",
+    "docs/results-full.md": "full tables",
+}
+DOCUMENTS = tuple(BLOCKS)
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +49,7 @@ def folder(script: ModuleType, tmp_path: Path) -> Path:
 @pytest.fixture
 def documents(tmp_path: Path) -> Path:
     (tmp_path / "docs").mkdir()
-    for name in DOCUMENTS:
-        block = "tables" if name.startswith("docs") else "summary"
+    for name, block in BLOCKS.items():
         text = (
             f"Before.\n<!-- results: {block} -->\nold 0.999\n<!-- results end -->\nAfter 0.999.\n"
         )
@@ -55,7 +60,7 @@ def documents(tmp_path: Path) -> Path:
 def test_only_what_is_between_the_markers_changes(
     script: ModuleType, folder: Path, documents: Path
 ) -> None:
-    assert len(script.update([folder], documents)) == 3
+    assert len(script.update([folder], documents)) == 4
     for name in DOCUMENTS:
         text = (documents / name).read_text()
         assert text.startswith("Before.\n<!-- results: ")
@@ -63,7 +68,10 @@ def test_only_what_is_between_the_markers_changes(
         assert "old" not in text
         assert "0.123" in text
         assert "0.456" in text
-    assert "0.123 (0.113 to 0.133)" in (documents / "docs" / "results.md").read_text()
+    short, full = ((documents / f"docs/results{part}.md").read_text() for part in ("", "-full"))
+    assert all("0.123 (0.113 to 0.133)" in text for text in (short, full))
+    assert "indoor" in full
+    assert "indoor" not in short
     assert "0.50 / 0.50 / 0.50" in (documents / "README.md").read_text()
     assert script.update([folder], documents) == []  # and again nothing
 
@@ -91,9 +99,9 @@ def test_a_document_without_markers_is_reported_and_none_is_written(
     assert (documents / "README.md").read_text() == before
 
 
-def test_the_documents_have_their_markers(root: Path) -> None:
-    for name in DOCUMENTS:
+def test_the_documents_have_their_markers(script: ModuleType, root: Path) -> None:
+    assert tuple(script.DOCUMENTS) == DOCUMENTS
+    for name, block in BLOCKS.items():
         text = (root / name).read_text()
-        ours = "tables" if name == "docs/results.md" else "summary"
-        assert text.count(f"<!-- results: {ours} -->") == 1
+        assert text.count(f"<!-- results: {block} -->") == 1
         assert text.count("<!-- results: ") == text.count("<!-- results end -->")
