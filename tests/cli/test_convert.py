@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from deeplight.cli.main import main
 from deeplight.edit import direction_of
@@ -47,11 +48,13 @@ def convert(*words: str | Path) -> int:
         ("a.webxr.json", {"a.webxr.json"}),
         ("a.py", {"a.py", "a.blender.exr"}),
         ("a.js", {"a.js", "a.three.exr"}),
+        ("a.py --for unreal", {"a.py", "a.unreal.hdr"}),
     ],
 )
 def test_the_suffix_gives_the_format(studio, name, written, capsys) -> None:
     out = studio.parent / "out"
-    assert convert(studio, "--out", out / name) == 0
+    name, *flags = name.split()
+    assert convert(studio, "--out", out / name, *flags) == 0
     assert {path.name for path in out.iterdir()} == written
     assert {Path(line).name for line in capsys.readouterr().out.split()} == written
 
@@ -207,3 +210,61 @@ def test_a_cross_of_a_photographed_probe_reads_right_way_up(tmp_path, labelled) 
     write_exr(tmp_path / "cross.exr", probe_from_latlong(labelled, "cross", 32))
     assert convert(tmp_path / "cross.exr", "--out", tmp_path / "a.exr") == 0
     assert np.median(np.abs(read_hdr(tmp_path / "a.exr") - labelled)) < 0.02
+
+
+@pytest.fixture(scope="module")
+def estimated(root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A photo, and the panorama of `deeplight estimate`."""
+    photo = root / "examples/photos/hall.jpg"
+    folder = tmp_path_factory.mktemp("estimated")
+    assert main(["estimate", str(photo), "--out", str(folder), "--height", "64"]) == 0
+    return photo, folder / "hall.exr"
+
+
+def test_a_photo_is_estimated_on_the_way(estimated, tmp_path) -> None:
+    photo, light = estimated
+    assert convert(photo, "--out", tmp_path / "a.exr", "--size", "64") == 0
+    np.testing.assert_array_equal(read_hdr(tmp_path / "a.exr"), read_hdr(light))
+    assert convert(photo, "--out", tmp_path / "b.exr", "--size", "64", "--fov", "30") == 0
+    assert np.abs(read_hdr(tmp_path / "b.exr") - read_hdr(light)).max() > 0.1
+
+
+def test_a_photo_of_any_kind_goes_where_its_light_goes(estimated, tmp_path, capsys) -> None:
+    photo, light = estimated
+    png = tmp_path / "photo.tif"  # of whole numbers, so no radiance
+    Image.open(photo).save(png)
+    assert convert(png, "--out", tmp_path / "a.json") == 0
+    assert "66 degrees" in capsys.readouterr().out  # what was assumed
+    assert json.loads((tmp_path / "a.json").read_text())["seen"]
+    assert convert(photo, "--out", tmp_path / "a.webxr.json") == 0
+    assert convert(light, "--out", tmp_path / "b.webxr.json") == 0
+    one, other = (json.loads((tmp_path / f"{n}.webxr.json").read_text()) for n in "ab")
+    one, other = (np.array(file["sphericalHarmonicsCoefficients"]) for file in (one, other))
+    np.testing.assert_allclose(one, other, atol=0.02 * np.abs(other).max())
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["hall.jpg", "--in-mapping", "angular"], "--in-mapping with a photo"),
+        (["hall.jpg", "--fov", "200"], "--fov between"),
+        (["hall.jpg", "--size", "32"], "rows from 64"),
+        (["wide.jpg"], "as panoramas are"),
+        (["clip.mp4"], "deeplight fuse"),
+        (["text.jpg"], "text.jpg"),
+        (["missing.jpg"], "No such file"),
+        (["studio.exr", "--fov", "40"], "--fov with what is light already"),
+    ],
+)
+def test_what_is_no_single_photo_is_one_line_too(estimated, words, said, studio, capsys) -> None:
+    folder = studio.parent
+    picture = Image.open(estimated[0])
+    picture.save(folder / "hall.jpg")
+    picture.resize((400, 200)).save(folder / "wide.jpg")
+    (folder / "clip.mp4").write_bytes(b"no film")
+    (folder / "text.jpg").write_text("no photo")
+    assert convert(folder / words[0], *words[1:], "--out", folder / "out/light.exr") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("deeplight convert: ")
+    assert said in line
+    assert not (folder / "out").exists()

@@ -10,10 +10,9 @@ from deeplight.compose.compose import Composed, ComposeSettings, Item, compose
 from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.trace import Progress
 from deeplight.environment import Environment
-from deeplight.estimators.environment import scene_light
 from deeplight.estimators.estimate import load_estimator
 from deeplight.estimators.fill import Kind
-from deeplight.estimators.sun import SunHint, find_sun
+from deeplight.estimators.sun import SunHint, scene_in_sun
 from deeplight.io.photo_like import as_photo
 
 
@@ -58,11 +57,9 @@ def compose_photo(
     where = placement or CameraPlacement()
     if light is None:
         estimate = network.explain(opened, where.fov_deg)
-        scene, framing, notes = scene_light(estimate, fill=fill), estimate.framing, estimate.notes
-        found = find_sun(estimate, scene, sun)
-        if found is not None:
-            scene, notes = found.scene, (*notes, found.note)
-        light = scene.environment
+        scene, found = scene_in_sun(estimate, sun, fill=fill)
+        framing, light = estimate.framing, scene.environment
+        notes = (*estimate.notes, *(() if found is None else (found.note,)))
     else:
         framing, notes = network.frame(opened, where.fov_deg), opened.notes
     viewpoint, assumed = viewpoint_of(opened.source, framing, where, opened.pixels)

@@ -12,13 +12,12 @@ from deeplight.estimators.environment import (
     SceneLight,
     check_height,
     pixels_for,
-    scene_light,
 )
 from deeplight.estimators.fill import Kind
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.results import OutputSpec, write_results
 from deeplight.estimators.sources import Source, find_sources
-from deeplight.estimators.sun import SunHint, find_sun
+from deeplight.estimators.sun import SunHint, scene_in_sun
 from deeplight.formats.webxr import light_estimate_file
 from deeplight.io.atomic import results_folder
 from deeplight.io.orientation import TOOLS
@@ -161,11 +160,10 @@ def _lit(
     """The light to write, what is known of the sun, and notes on it."""
     if settings.light_only:
         return None, None, ()
-    scene = scene_light(estimate, settings.height, settings.fill)
-    found = find_sun(estimate, scene, settings.sun)
+    scene, found = scene_in_sun(estimate, settings.sun, settings.height, settings.fill)
     if found is None:
         return scene, None, ()
-    return found.scene, found.sun.record(found.used), (found.note,)
+    return scene, found.sun.record(found.used), (found.note,)
 
 
 def _written(

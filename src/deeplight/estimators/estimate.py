@@ -1,10 +1,11 @@
 """A photo in, the light of its scene out: `deeplight.estimate(photo)`."""
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from deeplight.environment import Environment
-from deeplight.errors import InputError
+from deeplight.errors import ImageFileError, InputError
 
 if TYPE_CHECKING:
     from deeplight.estimators.fill import Kind
@@ -107,6 +108,41 @@ def estimate_many(
     if batch:
         finish()
     return results
+
+
+def estimate_file(
+    path: Path, fov_deg: float | None = None, height: int | None = None
+) -> tuple[Environment, tuple[str, ...]]:
+    """The light that `deeplight estimate` writes of a photo's file, and what the user should know.
+
+    Unlike `estimate` it places the sun by EXIF data, where the photo has them.
+
+    Args:
+        path: of the photo.
+        fov_deg: as for `estimate`.
+        height: rows of the environment, 64 to 2048; left out, 256.
+
+    Raises:
+        InputError: the photo cannot be used; with no field of view also one twice as wide as high,
+            which is more likely a panorama.
+        OSError: the file cannot be read.
+    """
+    from deeplight.estimators.confidence import warnings_of
+    from deeplight.estimators.environment import HEIGHT, check_height, pixels_for
+    from deeplight.estimators.sun import scene_in_sun
+    from deeplight.io.photos import read_photo
+
+    rows = height or HEIGHT
+    check_height(rows)
+    photo = read_photo(path, pixels_for(rows))
+    high, wide = photo.full_size
+    if fov_deg is None and wide >= 2 * high:
+        got = f"{path} of {wide} x {high}, as panoramas are"
+        raise ImageFileError("a photo", got, "name the field of view if it is a photo")
+    explained = load_estimator().explain(photo, fov_deg)
+    scene, sun = scene_in_sun(explained, height=rows)
+    notes = (*warnings_of(photo.pixels), *explained.notes, *(() if sun is None else (sun.note,)))
+    return scene.environment, notes
 
 
 def load_estimator(model: Any = None, threads: int | None = None) -> "NetworkEstimator":

@@ -17,7 +17,8 @@ from deeplight.camera import PinholeCamera
 from deeplight.camera_response import LUMINANCE
 from deeplight.edit import direction_of
 from deeplight.errors import ConfigError, MissingExtraError
-from deeplight.estimators.environment import SceneLight
+from deeplight.estimators.environment import HEIGHT, SceneLight, scene_light
+from deeplight.estimators.fill import Kind
 from deeplight.estimators.network import Estimate
 from deeplight.frames import Rotation
 from deeplight.io.tilt import Tilt, tilt_of
@@ -147,6 +148,15 @@ def find_sun(estimate: Estimate, scene: SceneLight, hint: SunHint | None) -> Fou
     within = f", within {sun.uncertainty_deg:.0f} degrees" if sun.uncertainty_deg >= 1 else ""
     note = f"sun placed, {sun.source}{within}"
     return FoundSun(sun, with_sun(scene, sun), True, note)
+
+
+def scene_in_sun(
+    estimate: Estimate, hint: SunHint | None = None, height: int = HEIGHT, fill: Kind | None = None
+) -> tuple[SceneLight, FoundSun | None]:
+    """Put a photo into its light as `scene_light` does, its sun where `find_sun` finds it."""
+    scene = scene_light(estimate, height, fill)
+    found = find_sun(estimate, scene, hint)
+    return (scene if found is None else found.scene), found
 
 
 def sun_at_angles(azimuth_deg: float, elevation_deg: float) -> Sun:

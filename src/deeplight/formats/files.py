@@ -34,8 +34,10 @@ from deeplight.mappings.layouts import cube_from_latlong, probe_from_latlong, re
 
 LARGEST_SIZE = 8192
 PICTURES = ("exr", "hdr", "jpg")
-SCRIPTS = ("blender", "three")
-WITH_EXR = (*SCRIPTS, "usd")
+WITH_PICTURE = {"blender": "exr", "three": "exr", "unreal": "hdr", "usd": "exr"}
+"""Formats with a picture next to them, and what that is: Unreal makes cubes of .hdr alone."""
+ALWAYS_APART = ("unreal", "usd")
+"""Of these, the ones whose picture never holds the compact lights."""
 WITHOUT_VIEW = frozenset({"mirror-ball", "angular", "cross", "horizontal-cross"})
 """Mappings whose middle is the view (or its opposite) by definition, so that no tool turns them."""
 
@@ -45,14 +47,14 @@ class FileSpec:
     """What to write.
 
     Attributes:
-        path: of the file; a cube's six get `_px` and so on before the suffix, a script an
-            `.exr` of its name and tool next to it, a `.json` an `.exr` of its name.
-        format: one of `FORMATS`; left out, that of the suffix.
+        path: of the file; a cube's six get `_px` and so on before the suffix, a script a picture
+            of its name and tool next to it, a `.json` an `.exr` of its name.
+        format: one of `FORMATS`; left out, that of the suffix, of a `.py` Blender's or Unreal's.
         mapping: of a picture, any `probe.Mapping`.
         made_for: the tool to turn it for.
         size: rows of a latlong, side of a disc or a face; left out, as fine as what came in.
         lamps_apart: leave the compact lights out of pictures; scripts and the `.json` then have
-            them as lights. glTF, WebXR and USD always do.
+            them as lights. glTF, WebXR, USD and Unreal's script always do.
     """
 
     path: Path
@@ -89,6 +91,8 @@ class FileSpec:
         if self.format is not None:
             return self.format
         name = self.path.name.lower()
+        if name.endswith(".py") and self.made_for == "unreal":
+            return "unreal"
         for suffix, kind in SUFFIXES.items():
             if name.endswith(suffix):
                 return kind
@@ -100,8 +104,9 @@ class FileSpec:
         """What will be written."""
         if self.kind == "json":
             return [self.path, self.path.with_suffix(".exr")]
-        if self.kind in WITH_EXR:
-            return [self.path, self.path.with_suffix(f".{self.kind}.exr")]
+        if self.kind in WITH_PICTURE:
+            picture = f".{self.kind}.{WITH_PICTURE[self.kind]}"
+            return [self.path, self.path.with_suffix(picture)]
         if self.mapping != "cube":
             return [self.path]
         signs = {"+": "p", "-": "n"}
@@ -225,7 +230,7 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, FileSpec], list[P
     def write(environment: Environment, wish: FileSpec) -> list[Path]:
         if wish.made_for not in (None, tool):
             raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
-        exr = replace(wish, path=wish.files[1], format="exr", made_for=tool)
+        picture = _picture_beside(wish, tool)
         text = files("deeplight.formats").joinpath("snippets", snippet).read_text(encoding="utf-8")
         lights = [
             {
@@ -237,14 +242,14 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, FileSpec], list[P
         ]
         for mark, value in {
             "NAME": re.sub(r"[^\w .-]", "_", wish.path.stem),
-            "EXR": json.dumps(exr.path.name),
+            "PICTURE": json.dumps(picture.path.name),
             "MAIN_LIGHT": json.dumps(lights[0]),
             "LIGHTS": json.dumps(lights),
             "APART": json.dumps(wish.lamps_apart),
             "HARMONICS": json.dumps(spherical_harmonics(environment.lights[-1].remainder).tolist()),
         }.items():
             text = text.replace(f"@{mark}@", value)
-        return [*_picture(environment, exr), *_text(wish.path, text)]
+        return [*_picture(environment, picture), *_text(wish.path, text)]
 
     return write
 
@@ -258,11 +263,17 @@ def _usd(environment: Environment, wish: FileSpec) -> list[Path]:
         raise MissingExtraError("usd", f"writing {wish.path.name}") from error
     if wish.made_for is not None:
         raise ConfigError("a USD stage", f"--for {wish.made_for}", "drop --for")
-    texture = wish.files[1]
-    exr = replace(wish, path=texture, format="exr", made_for="usd", lamps_apart=True)
-    files = _picture(environment, exr)
-    write_usd(wish.path, environment.lights, texture.name)
+    texture = _picture_beside(wish, "usd")
+    files = _picture(environment, texture)
+    write_usd(wish.path, environment.lights, texture.path.name)
     return [*files, wish.path]
+
+
+def _picture_beside(wish: FileSpec, tool: str) -> FileSpec:
+    """What is written next to a script or a stage for `tool`."""
+    apart = wish.lamps_apart or tool in ALWAYS_APART
+    path, kind = wish.files[1], WITH_PICTURE[tool]
+    return replace(wish, path=path, format=kind, made_for=tool, lamps_apart=apart)
 
 
 def _text(path: Path, text: str) -> list[Path]:
@@ -283,6 +294,7 @@ FORMATS: Mapping[str, Callable[[Environment, FileSpec], list[Path]]] = MappingPr
         "glb": _glb,
         "blender": _script("blender", "blender.py.txt"),
         "three": _script("three", "three.js"),
+        "unreal": _script("unreal", "unreal.py.txt"),
         "usd": _usd,
     }
 )

@@ -20,7 +20,9 @@ from deeplight.io.lighting_file import (
     seen_of_record,
 )
 from deeplight.io.orientation import faces_for, turned_from
-from deeplight.io.radiance import read_hdr
+from deeplight.io.photos import PHOTO_SUFFIXES
+from deeplight.io.radiance import MAX_HDR_PIXELS, is_floating_point, read_hdr
+from deeplight.io.raw import RAW_SUFFIXES
 from deeplight.lamp import draw_lamps
 from deeplight.lighting import Lighting
 from deeplight.mappings import latlong
@@ -81,6 +83,20 @@ def read_environment(
             return Environment(radiance, seen, unit=unit)
     except ShapeError as error:
         raise ImageFileError(error.expected, f"{files[0]}, {error.got}", error.do) from error
+
+
+def holds_light(path: Path | str) -> bool:
+    """Whether a file is light already rather than a photo: by its name, of a TIFF by its pixels.
+
+    Raises:
+        OSError, ImageFileError: a TIFF cannot be opened.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in (".tif", ".tiff"):
+        with reading(path), opened(path, MAX_HDR_PIXELS) as file:
+            return is_floating_point(file)
+    return suffix not in PHOTO_SUFFIXES | RAW_SUFFIXES
 
 
 def load_lighting(path: Path | str) -> Lighting:

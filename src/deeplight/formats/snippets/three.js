@@ -10,7 +10,7 @@ import * as THREE from 'three';
 import { EXRLoader } from 'three/addons/loaders/EXRLoader.js';
 
 // The environment is already turned for three.js: no rotation is needed.
-export const environmentUrl = new URL(@EXR@, import.meta.url).href;
+export const environmentUrl = new URL(@PICTURE@, import.meta.url).href;
 
 // Unit vector towards the main light, its irradiance (RGB) and its angular radius in radians.
 export const mainLight = @MAIN_LIGHT@;
