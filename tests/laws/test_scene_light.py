@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 
 from deeplight.camera import PinholeCamera
-from deeplight.camera_response import CameraResponse
+from deeplight.camera_response import LUMINANCE, CameraResponse
 from deeplight.estimators.environment import assemble
-from deeplight.estimators.lamps import OWN_RADIUS_RAD, clipped_areas, excess_of, find_lamps
+from deeplight.estimators.lamps import (
+    OWN_COLOUR,
+    OWN_RADIUS_RAD,
+    clipped_areas,
+    excess_of,
+    find_lamps,
+)
 from deeplight.estimators.projection import ImagePlane, project_photo
 from deeplight.estimators.surroundings import adapted, smooth_map
 from deeplight.frames import normalised
@@ -96,11 +102,31 @@ def test_a_networks_own_lamps_are_taken_and_not_counted_twice(estimate):
     assert len(found.lamps) == 2
     for lamp, given in zip(found.lamps, own, strict=False):
         assert np.degrees(np.arccos(lamp.direction @ given.direction)) < 2
-        assert lamp.flux == pytest.approx(given.flux, rel=0.03)
+        assert lamp.luminous_flux == pytest.approx(given.luminous_flux, rel=0.03)
         # A wide lobe is the network's doubt, not the lamp's size.
         assert lamp.angular_radius_rad == min(given.angular_radius_rad, OWN_RADIUS_RAD)
     whole = found.rest.power() + sum(lamp.flux for lamp in found.lamps) + flux_of(found.areas)
     assert whole == pytest.approx(ball.power(), rel=1e-4)
+
+
+def test_a_networks_lamps_get_one_colour_near_the_estimates():
+    """A green and a violet lamp next to each other are one white light; all channels are kept."""
+    tints = np.array([[0.6, 1.2, 0.7], [1.6, 0.7, 1.5]])
+    own = [
+        Lamp(normalised(np.array([0.7 - 0.3 * n, 0.9, 0.6])), 3 * tint / (tint @ LUMINANCE), 0.16)
+        for n, tint in enumerate(tints)
+    ]
+    map_colour = np.array([0.22, 0.2, 0.17])
+    ball = Lighting(map_colour * np.ones((32, 32, 3)) + sum(lobe_on_ball(lamp) for lamp in own))
+    found = find_lamps(ball, project_photo(photo(), plane_of(photo()), HEIGHT), own)
+    mean = sum(lamp.flux for lamp in own) / 6
+    whole = ball.power() / (ball.power() @ LUMINANCE)
+    for lamp in found.lamps:
+        colour = lamp.flux / lamp.luminous_flux
+        assert colour == pytest.approx(OWN_COLOUR * mean + (1 - OWN_COLOUR) * whole, rel=0.01)
+    power = found.rest.power() + sum(lamp.flux for lamp in found.lamps) + flux_of(found.areas)
+    assert power == pytest.approx(ball.power(), rel=1e-4)
+    assert found.rest.radiance.min() >= 0
 
 
 def test_even_light_has_no_lamp():

@@ -6,7 +6,7 @@ a clipped spot near it, that is the lamp, and its place and size are known.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -28,6 +28,10 @@ LAMP_RADIUS_RAD = float(np.radians(6))
 OWN_RADIUS_RAD = float(np.radians(3.5))
 """A network's lamp is drawn no wider: its lobe's width is its doubt, not the lamp's size. Chosen
 between 3 and 5 degrees on validation places: narrower lowers the mirror's error, raises peaks."""
+OWN_COLOUR = 0.25
+"""How much of their own colour a network's lamps keep; the rest is the whole estimate's. Against
+the true main light they err by 7.5 degrees as given, 6.4 with their mean colour, 6.0 with this and
+6.1 with the estimate's alone, on validation places (test: 9.2, 8.2, 7.6, 7.5)."""
 LARGEST_LAMP_RAD = float(np.radians(6))
 """A clipped area larger than this disc is a window or the sky: it keeps its shape and its power."""
 ROUND = 0.6
@@ -37,6 +41,7 @@ CATCH_RAD = float(np.radians(30))
 LARGEST_OWN_RAD = float(np.radians(15))
 """A network's lamp wider than this is no compact light and stays in the map."""
 _BRIGHT = (0.95, 1.03)  # radiance between which a clipped area's power fades in around it
+_LEAST_LEFT = 0.01  # of a channel's power, without the lamps: less cannot be recoloured
 _LOBE_END = 1e-3  # of a lobe's peak: less is not worth a pixel
 MOST_LAMPS = 3
 LEAST_SHARE = 0.03
@@ -287,7 +292,27 @@ def _parts(lighting: Lighting, own: Sequence[Lamp]) -> list[Excess]:
     for lamp in own:
         if lamp.angular_radius_rad <= LARGEST_OWN_RAD and len(parts) < MOST_LAMPS:
             parts.append(lobe_of(parts[-1].rest if parts else lighting, lamp))
-    return parts
+    return _recoloured(parts, lighting)
+
+
+def _recoloured(parts: list[Excess], lighting: Lighting) -> list[Excess]:
+    """Lamps of one colour, near the whole estimate's: near each other a network tints one green
+    and the next violet. What a channel loses the rest gains, by one factor, so power is kept.
+    """
+    flux = np.sum([part.flux.sum(0) for part in parts], axis=0)
+    luminous, power = float(flux @ LUMINANCE), lighting.power()
+    left = power - flux
+    if luminous <= 0 or (left < _LEAST_LEFT * power).any():
+        return parts
+    whole = power / float(power @ LUMINANCE)
+    colour = OWN_COLOUR * flux / luminous + (1 - OWN_COLOUR) * whole
+    factor = ((power - luminous * colour) / left).astype(np.float32)
+    rest = Lighting(parts[-1].rest.radiance * factor)
+    fluxes = [(part.flux @ LUMINANCE)[:, None] * colour for part in parts]
+    return [
+        replace(part, rest=rest, flux=own.astype(np.float32))
+        for part, own in zip(parts, fluxes, strict=True)
+    ]
 
 
 def _nearest_area(excess: Excess, areas: Sequence[ClippedArea]) -> Int[np.ndarray, " pixels"]:

@@ -12,7 +12,8 @@ import { addRaised, type ClippedArea, clippedAreas, lampOf } from "./clipped-are
 import { type ProjectedPhoto, smoothstep } from "./image-plane.ts";
 
 const { CATCH_RAD, CONE_EDGE_RAD, CONE_RAD, LAMP_RADIUS_RAD, LARGEST_OWN_RAD } = PHOTO_LIGHT;
-const { LEAST_SHARE, LOBE_END, MOST_LAMPS, OWN_RADIUS_RAD, UNSEEN } = PHOTO_LIGHT;
+const { LEAST_LEFT, LEAST_SHARE, LOBE_END, MOST_LAMPS, OWN_COLOUR, OWN_RADIUS_RAD } = PHOTO_LIGHT;
+const { UNSEEN } = PHOTO_LIGHT;
 const SEEN_ROWS = 64;
 
 /** Where an estimate's excess went; lamps, areas and rest together hold the estimate's power. */
@@ -83,7 +84,8 @@ export function findLamps(
 function partsOf(rest: Float32Array, size: number, own: readonly Lamp[]): Excess[] {
   if (own.length === 0) return [takenOut(rest, size, mainExcess(rest, size), LAMP_RADIUS_RAD)];
   const compact = own.filter(({ angularRadiusRad }) => angularRadiusRad <= LARGEST_OWN_RAD);
-  return compact.slice(0, MOST_LAMPS).map((lamp) => {
+  const power = powerOfBall(rest, size);
+  const parts = compact.slice(0, MOST_LAMPS).map((lamp) => {
     const lobe = lobeOnBall(lamp, size).map((value, i) => Math.min(value, rest[i]!));
     const end = LOBE_END * lobe.reduce((a, b) => Math.max(a, b), 0);
     for (let i = 0; i < lobe.length; i += 3) {
@@ -91,6 +93,25 @@ function partsOf(rest: Float32Array, size: number, own: readonly Lamp[]): Excess
     }
     return takenOut(rest, size, lobe, Math.min(lamp.angularRadiusRad, OWN_RADIUS_RAD));
   });
+  return recoloured(parts, rest, power);
+}
+
+/** Lamps of one colour, near the whole estimate's; what a channel loses the rest gains. */
+function recoloured(parts: Excess[], rest: Float32Array, power: Vector3): Excess[] {
+  const flux = summed(parts.map((part) => summed(part.flux)));
+  const light = luminous(flux);
+  const left = power.map((value, c) => value - flux[c]!);
+  if (light <= 0 || left.some((value, c) => value < LEAST_LEFT * power[c]!)) return parts;
+  const whole = luminous(power);
+  const colour = power.map((value, c) => {
+    return (OWN_COLOUR * flux[c]!) / light + ((1 - OWN_COLOUR) * value) / whole;
+  }) as unknown as Vector3;
+  const factor = power.map((value, c) => (value - light * colour[c]!) / left[c]!);
+  for (let i = 0; i < rest.length; i++) rest[i]! *= factor[i % 3]!;
+  return parts.map((part) => ({
+    ...part,
+    flux: part.flux.map((own) => colour.map((c) => c * luminous(own)) as unknown as Vector3),
+  }));
 }
 
 /** What exceeds an estimate's own median around its main direction: for networks without lamps. */
