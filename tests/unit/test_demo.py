@@ -4,8 +4,6 @@ import contextlib
 import gzip
 import http.client
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -14,35 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from deeplight.cli.main import main
+from built_page import FILES, SECRET, write_site
 from deeplight.demo.server import DemoServer
-from deeplight.demo.site import MODEL, Site, content_policy, content_type
+from deeplight.demo.site import MODEL, Site, content_policy
 from deeplight.errors import ConfigError
 from deeplight.estimators.onnx import shipped_model
 from patience import patient
 
-SECRET = b"not for you"
-FILES = {
-    "index.html": b"<!doctype html><title>DeepLight</title>",
-    "assets/page-1a2b.js": b"export {};",
-    "runtime/ort.wasm": b"\0asm\1\0\0\0",
-    "with space.txt": b"space",
-}
-
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A built page, with a secret next to it and links that lead there."""
-    site = tmp_path / "site"
-    for name, content in FILES.items():
-        (site / name).parent.mkdir(parents=True, exist_ok=True)
-        (site / name).write_bytes(content)
-    (tmp_path / "secret.txt").write_bytes(SECRET)
-    (tmp_path / "outside").mkdir()
-    (tmp_path / "outside/secret.txt").write_bytes(SECRET)
-    (site / "link.txt").symlink_to(tmp_path / "secret.txt")
-    (site / "linked").symlink_to(tmp_path / "outside")
-    return site
+    return write_site(tmp_path)
 
 
 @pytest.fixture
@@ -357,67 +337,3 @@ def test_a_port_in_use_is_reported(server: DemoServer, folder: Path) -> None:
 def test_an_impossible_address_is_reported(folder: Path, host: str, port: int, line: str) -> None:
     with pytest.raises(ConfigError, match=line):
         DemoServer(Site.installed(folder), host, port)
-
-
-def test_a_page_that_is_not_built_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="in a checkout run: make web"):
-        Site.installed(tmp_path)
-
-
-def test_the_export_has_every_file_and_no_links(folder: Path, tmp_path: Path) -> None:
-    site = Site.installed(folder)
-    assert site.copied(tmp_path / "public") == len(FILES) + 1
-    written = {
-        path.relative_to(tmp_path / "public").as_posix(): path.read_bytes()
-        for path in (tmp_path / "public").rglob("*")
-        if path.is_file()
-    }
-    assert written == FILES | {MODEL: shipped_model().read_bytes()}
-
-
-def test_an_export_never_mixes_with_other_files(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine/thesis.txt").touch()
-    with pytest.raises(ConfigError, match="an empty or new folder"):
-        Site.installed(folder).copied(tmp_path / "mine")
-    with pytest.raises(ConfigError, match="an empty or new folder"):
-        Site.installed(folder).copied(tmp_path / "mine/thesis.txt")
-
-
-def test_every_kind_of_file_has_a_type() -> None:
-    assert content_type("a/B.WASM") == "application/wasm"
-    assert content_type("noidea.xyz") == "application/octet-stream"
-
-
-def test_the_command_prints_its_address_and_stops_on_ctrl_c(folder: Path) -> None:
-    code = (
-        # In the background of a script, where tests may run, Ctrl-C starts out ignored.
-        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-        "import sys, pathlib; from deeplight.demo import site; "
-        "find = site.Site.installed; "
-        f"site.Site.installed = lambda: find(pathlib.Path({str(folder)!r})); "
-        "from deeplight.cli.main import main; sys.exit(main(['demo', '--port', '0']))"
-    )
-    running = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert running.stdout is not None
-    line = running.stdout.readline()
-    port = int(line.split("http://127.0.0.1:")[1].split("/")[0])
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=patient(10))
-    connection.request("GET", "/")
-    assert connection.getresponse().read() == FILES["index.html"]
-    running.send_signal(2)
-    out, complaints = running.communicate(timeout=patient(10))
-    assert (running.returncode, out.strip(), complaints) == (0, "stopped", "")
-
-
-def test_the_command_says_in_one_line_what_is_missing(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    installed = Site.installed
-    monkeypatch.setattr(Site, "installed", lambda: installed(tmp_path))
-    assert main(["demo"]) == 2
-    complaint = capsys.readouterr().err
-    assert complaint.count("\n") == 1
-    assert complaint.startswith("deeplight demo: expected the built page; got no ")

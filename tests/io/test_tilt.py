@@ -1,0 +1,81 @@
+"""How a camera was held, from what its photo says."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, TiffImagePlugin
+
+from deeplight.frames import UP, world_from_camera
+from deeplight.io.tilt import tilt_of
+
+
+def iphone_photo(up: np.ndarray, orientation: int, path: Path) -> Path:
+    """A photo whose maker note says that `up` (camera frame of the upright picture) is up."""
+    x, y = up[:2]
+    phone = {1: (y, -x), 3: (-y, x), 6: (x, y), 8: (-x, -y)}[orientation]
+    note = b"Apple iOS\0\0\x01MM" + struct.pack(">HHHII", 1, 8, 10, 3, 32) + bytes(4)
+    for value in (*phone, up[2]):
+        note += struct.pack(">ii", round(-value * 10_000), 10_000)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    exif.get_ifd(0x8769)[0x927C] = note
+    Image.new("RGB", (64, 48)).save(path, exif=exif)
+    return path
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6, 8])
+@pytest.mark.parametrize(("pitch", "roll"), [(-0.4, 0.1), (0.3, -0.2), (0.0, 0.0)])
+def test_an_iphones_tilt_is_read(
+    orientation: int, pitch: float, roll: float, tmp_path: Path
+) -> None:
+    up = world_from_camera(1.0, pitch, roll).T @ UP
+    tilt = tilt_of(iphone_photo(up, orientation, tmp_path / "photo.jpg"))
+    assert tilt is not None
+    assert (tilt.pitch_rad, tilt.roll_rad) == pytest.approx((pitch, roll), abs=1e-3)
+
+
+def elevated(path: Path, value: object) -> Path:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0x9405] = value
+    Image.new("RGB", (64, 48)).save(path, exif=exif)
+    return path
+
+
+def test_the_cameras_elevation_is_read_where_it_is_known(tmp_path: Path) -> None:
+    known = tilt_of(elevated(tmp_path / "a.jpg", TiffImagePlugin.IFDRational(-25, 2)))
+    assert known is not None
+    assert known.pitch_rad == pytest.approx(np.radians(-12.5))
+    content = (tmp_path / "a.jpg").read_bytes()
+    packed = struct.pack(">2i", -25, 2)
+    assert content.count(packed) == 1
+    (tmp_path / "a.jpg").write_bytes(content.replace(packed, struct.pack(">2I", 0, 0xFFFFFFFF)))
+    assert tilt_of(tmp_path / "a.jpg") is None
+    assert tilt_of(elevated(tmp_path / "b.jpg", "n/a")) is None
+
+
+def test_an_iphones_heic_is_read_with_the_cameras_own_orientation(tmp_path: Path) -> None:
+    heif = pytest.importorskip("pillow_heif")
+    up = world_from_camera(1.0, -0.3, 0.1).T @ UP
+    iphone_photo(up, 6, tmp_path / "photo.jpg")
+    with Image.open(tmp_path / "photo.jpg") as picture:
+        exif = picture.getexif().tobytes()
+        heif.from_pillow(picture).save(tmp_path / "photo.heic", exif=exif)
+    tilt = tilt_of(tmp_path / "photo.heic")
+    assert tilt is not None
+    assert (tilt.pitch_rad, tilt.roll_rad) == pytest.approx((-0.3, 0.1), abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["text", "unknown"])
+def test_elevations_of_other_programs_are_unknown(name: str, cases: Path) -> None:
+    assert tilt_of(cases / f"sound/exif_elevation_{name}.jpg") is None
+
+
+def test_no_tilt_is_invented(tmp_path: Path) -> None:
+    Image.new("RGB", (64, 48)).save(tmp_path / "plain.jpg")
+    assert tilt_of(tmp_path / "plain.jpg") is None
+    assert tilt_of(tmp_path / "missing.jpg") is None
+    assert tilt_of(None) is None
+    shaken = iphone_photo(np.array([0.0, 3.0, 0.0]), 6, tmp_path / "shaken.jpg")
+    assert tilt_of(shaken) is None
