@@ -3,14 +3,25 @@
 import math
 import struct
 import zlib
+from functools import lru_cache
 from pathlib import Path
+from tempfile import mkdtemp
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
 from deeplight.fuse.panorama_photo import is_panorama
-from deeplight.fuse.sources import MOST_FRAMES, SourceFrame, log_exposure_of, thinned
+from deeplight.fuse.sources import (
+    MOST_FRAMES,
+    SourceFrame,
+    log_exposure_of,
+    read_frames,
+    thinned,
+)
+from deeplight.io.video_writer import VideoWriter
+from lab.pans import Sweep, Troubles, film_pan
 
 pytestmark = pytest.mark.needs("cv2")
 
@@ -60,3 +71,32 @@ def test_of_a_long_clip_few_frames_are_kept_evenly_spread(length: int) -> None:
     assert len(set(np.diff(numbers))) == 1
     assert numbers[0] == 0
     assert numbers[-1] + (numbers[1] - numbers[0]) >= length
+
+
+@lru_cache
+def slow_pan(overlay: bool) -> Path:
+    """16 frames at 30 Hz, turning 14 degrees in all; three balls on a rod may turn with them."""
+    rng = np.random.default_rng(3)
+    place = np.full((256, 512, 3), 0.3, np.float32)
+    for k in range(300):
+        centre = int(rng.integers(512)), int(rng.integers(256))
+        cv2.circle(place, centre, 2 + k % 20, rng.uniform(0.2, 0.4, 3).tolist(), -1)
+    film = film_pan(place, Sweep(16, (0.0,), 14.0), Troubles(0.0), rng, (426, 240))
+    path = Path(mkdtemp()) / "clip.mp4"
+    with VideoWriter(path, 240, 426, 30.0) as writer:
+        for frame in film.frames:
+            pixels = np.array(frame.pixels)
+            for k in range(3 * overlay):
+                cv2.circle(pixels, (50 + 70 * k, 380), 30, (250, 240, 20 + 90 * k), -1)
+                cv2.circle(pixels, (42 + 70 * k, 372), 9, (20, 20, 20), -1)
+            writer.write(pixels)
+    return path
+
+
+@pytest.mark.parametrize("overlay", [False, True])
+def test_frames_kept_of_a_slow_pan_overlap_whatever_moves_with_the_camera(overlay: bool) -> None:
+    numbers = [frame.number for frame in read_frames([slow_pan(overlay)], None)]
+    assert numbers[0] == 0
+    assert 3 <= len(numbers) <= 8
+    assert max(np.diff(numbers)) <= 8  # of 16
+    assert numbers[-1] >= 10

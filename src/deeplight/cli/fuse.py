@@ -38,8 +38,9 @@ class Args:
     """JSON file of how the camera was turned in each frame: see docs/fuse.md."""
     front: Path | None = None
     """A photo of the front camera, taken together with the first frame: the other half."""
-    frame: int = 0
-    """Frame of the clip, or place of the photo, from 0, whose camera and white the light is in."""
+    frame: int | None = None
+    """Frame of the clip, or place of the photo, from 0, whose camera and white the light is in.
+    Default: the first one that can be placed."""
     level: bool = False
     """Turn the light so that +Y is against gravity, whatever the frame's tilt."""
     fov: float | None = None
@@ -85,7 +86,8 @@ def run(args: Args) -> None:
         if len(frames) < len(posed):
             notes.append(f"{len(posed) - len(frames)} without a pose left out")
     front = None if args.front is None else frame_of(read_photo(args.front), args.front.name, -1)
-    settings = FuseSettings(args.fov, _place(frames, args.frame), args.level, args.height)
+    asked = _place(frames, args.frame)
+    settings = FuseSettings(args.fov, asked, args.level, args.height)
     fused = fuse_frames(frames, estimator, settings, front)
     tool = TOOLS.get(args.made_for or "")
     turn = tool.turn if tool else None
@@ -127,12 +129,14 @@ def _upright(path: Path) -> bool:
     return height > width
 
 
-def _place(frames: Sequence["SourceFrame"], number: int) -> int:
+def _place(frames: Sequence["SourceFrame"], number: int | None) -> int | None:
     """The place of a frame of the clip among those used: the nearest one."""
     from deeplight.errors import ConfigError, ImageFileError
 
     if not frames:
         raise ImageFileError("frames with a pose", "none", "check the pose file's times or numbers")
+    if number is None:
+        return None
     numbers = [frame.number for frame in frames]
     step = max((b - a for a, b in pairwise(numbers)), default=1)  # of a clip not all are used
     if not 0 <= number < numbers[-1] + step:

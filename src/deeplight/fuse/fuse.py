@@ -31,13 +31,14 @@ class FuseSettings:
     Attributes:
         fov_deg: vertical field of view of the upright frames; None to take it from EXIF data, and
             else to assume 66 degrees along the long side and refine that.
-        frame: the frame (its place among those given) whose camera and white the light is in.
+        frame: the frame (its place among those given) whose camera and white the light is in; None
+            for the first one that can be placed.
         level: turn the result so that +Y is against gravity.
         height: rows of the panorama.
     """
 
     fov_deg: float | None = None
-    frame: int = 0
+    frame: int | None = None
     level: bool = False
     height: int = HEIGHT
 
@@ -119,17 +120,19 @@ def fuse_frames(
         ConfigError: no such frame, or level cannot be found.
         ImageFileError: nothing can be placed, the frame asked for among it.
     """
-    if not 0 <= settings.frame < len(frames):
+    if not 0 <= (settings.frame or 0) < len(frames):
         got = f"{settings.frame} of {len(frames)} frames"
         raise ConfigError("--frame among the frames used, from 0", got, "give another number")
     fov, known = _field_of_view(frames, settings)
     turns, fov, notes = _placed(frames, fov, known, single=front is not None)
-    if settings.frame not in turns:
-        got = f"{frames[settings.frame].name}, which could not be placed"
+    asked = min(turns) if settings.frame is None else settings.frame
+    if asked not in turns:
+        got = f"{frames[asked].name}, which could not be placed"
         raise ImageFileError("a frame that shows what others show", got, "give another --frame")
+    if settings.frame is None and asked > 0:
+        notes.append(f"the light is in the camera of {frames[asked].name}: none before was placed")
     session = Session(fov, lambda pixels: _estimated(estimator, pixels, fov))
-    first = frames[settings.frame]
-    for frame in (first, *(frames[k] for k in turns if k != settings.frame)):
+    for frame in (frames[asked], *(frames[k] for k in turns if k != asked)):
         own = frame.vertical_fov_rad if frame.world_from_camera is not None else None
         session.add(
             frame.pixels,
@@ -139,10 +142,10 @@ def fuse_frames(
             own or fov,
         )
     if front is not None:
-        _add_front(session, front, turns[settings.frame], estimator)
-    world_from_frame = turns[settings.frame]
+        _add_front(session, front, turns[asked], estimator)
+    world_from_frame = turns[asked]
     if settings.level:
-        world_from_frame = _levelled(frames, turns, settings.frame)
+        world_from_frame = _levelled(frames, turns, asked)
     environment = session.environment(world_from_frame, height=settings.height)
     if settings.level:
         environment = replace(environment, frame="level")
@@ -161,7 +164,7 @@ def fuse_frames(
 
 def _field_of_view(frames: Sequence[SourceFrame], settings: FuseSettings) -> tuple[float, bool]:
     """Vertical field of view, and whether something says it."""
-    first = frames[settings.frame]
+    first = frames[settings.frame or 0]
     if settings.fov_deg is not None:
         return radians(settings.fov_deg), True
     if first.vertical_fov_rad is not None:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 
 from deeplight.errors import ConfigError
 from deeplight.frames import Rotation
+from deeplight.fuse.choose import moving
 from deeplight.fuse.panorama_photo import is_panorama, panorama_frames, panorama_notes
 from deeplight.fuse.poses import Poses, angle_between
 from deeplight.fuse.track import WORKING_SIDE
@@ -20,11 +21,7 @@ from deeplight.io.video import VideoFrame, is_video, video_frames
 
 MOST_FRAMES = 160
 """Of a clip; when more would be kept every other one is dropped."""
-_MOVED, _ENOUGH = 0.07, 0.14  # of the picture's width: between these the sharpest frame is kept
-_LEAST_STEP_S = 1 / 16  # frames nearer in time than this show the same: one of them is looked at
-_LONGEST_S = 2.0  # a clip that stands still gives a frame now and then all the same
 _POSED_RAD = math.radians(6)
-_TINY = 96  # pixels along the shorter side where movement is looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +112,7 @@ def log_exposure_of(path: Path) -> float:
 
 
 def _of_clip(path: Path, poses: Poses | None) -> Iterator[SourceFrame]:
-    chosen = _moving(video_frames(path)) if poses is None else _posed(video_frames(path), poses)
+    chosen = moving(video_frames(path)) if poses is None else _posed(video_frames(path), poses)
     for still in chosen:
         photo = Photo(still.rgb(), None, notes=still.notes)
         yield frame_of(photo, f"frame {still.number}", still.number, still.time_s)
@@ -141,50 +138,3 @@ def _posed(source: Iterator[VideoFrame], poses: Poses) -> Iterator[VideoFrame]:
         if turn is not None and (last is None or angle_between(last, turn) > _POSED_RAD):
             last = turn
             yield still
-
-
-def _moving(source: Iterator[VideoFrame]) -> Iterator[VideoFrame]:
-    """The first frame, and then the sharpest of those that show something new."""
-    first = next(source)
-    yield first
-    key, key_s, best = _tiny(first), first.time_s, None
-    looked_s = first.time_s
-    for still in source:
-        if still.time_s - looked_s < _LEAST_STEP_S:
-            continue
-        looked_s = still.time_s
-        now = _tiny(still)
-        moved = _movement(key, now)
-        sharpness = _sharpness(now)
-        if moved > _MOVED and (best is None or sharpness > best[1]):
-            best = (still, sharpness, now)
-        if best and (moved > _ENOUGH or still.time_s - key_s > _LONGEST_S):
-            yield best[0]
-            key, key_s, best = best[2], best[0].time_s, None
-        elif still.time_s - key_s > _LONGEST_S:
-            yield still
-            key, key_s = now, still.time_s
-    if best:
-        yield best[0]
-
-
-def _tiny(still: VideoFrame) -> Float[np.ndarray, "h w"]:
-    def average(luma: np.ndarray) -> np.ndarray:
-        step = max(1, min(luma.shape) // (4 * _TINY))  # every pixel of a large frame is not needed
-        luma = np.ascontiguousarray(luma[::step, ::step])
-        scale = _TINY / min(luma.shape)
-        size = (round(luma.shape[1] * scale), round(luma.shape[0] * scale))
-        return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA))
-
-    return still.averaged_luma(average).astype(np.float32)
-
-
-def _movement(one: Float[np.ndarray, "h w"], other: Float[np.ndarray, "h w"]) -> float:
-    """How far the picture has moved, of its shorter side; 1 where it cannot be found."""
-    window = cv2.createHanningWindow(one.shape[::-1], cv2.CV_32F)
-    (across, down), response = cv2.phaseCorrelate(one, other, window)
-    return float(np.hypot(across, down)) / min(one.shape) if response > 0.05 else 1.0
-
-
-def _sharpness(grey: Float[np.ndarray, "h w"]) -> float:
-    return float(cv2.Laplacian(grey, cv2.CV_32F).var() / max(float(grey.var()), 1.0))

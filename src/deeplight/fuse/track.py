@@ -32,6 +32,7 @@ _ROUNDS = 15
 _SOFT_RAD = radians(0.3)  # a residual of this size counts half
 _BRIGHT, _DARKEST = 160, 16  # levels of a picture's bright parts that features are looked for at
 _FOV_SIGMA = 0.15  # ln of the tangent: how far an assumed field of view may be off
+_FOV_NEEDS_RAD = radians(50)  # turned by less, a step to the side looks like another field of view
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +87,14 @@ def track(
     features = [_features(picture, half) for picture in pictures]
     pairs = _neighbours(features)
     tried = {(p.first, p.second) for p in pairs}
-    rotations, scale, residual = _adjusted(pairs, _chained(pairs, len(pictures)), fov_known)
+    rotations, scale, residual = _solved(pairs, len(pictures), fov_known)
     for _ in range(2):  # a closed turn may bring further pictures within reach
         more = [_matched(features, *pair) for pair in _near(rotations, tried)]
         found = [pair for pair in more if pair is not None]
         if not found:
             break
         pairs += found
-        rotations, scale, residual = _adjusted(pairs, _chained(pairs, len(pictures)), fov_known)
+        rotations, scale, residual = _solved(pairs, len(pictures), fov_known)
     return Tracked(rotations, float(2 * np.arctan(half * scale)), residual)
 
 
@@ -229,6 +230,16 @@ def _chained(pairs: list[_Pair], count: int) -> dict[int, Rotation]:
         return {}
     origin = largest[min(largest)].T
     return {number: origin @ turn for number, turn in sorted(largest.items())}
+
+
+def _solved(
+    pairs: list[_Pair], count: int, fov_known: bool
+) -> tuple[dict[int, Rotation], float, float]:
+    """Rotations, scale of the tangents and residual; the scale stays 1 where too little turned."""
+    chained = _chained(pairs, count)
+    views = np.array([-turn[:, 2] for turn in chained.values()]).reshape(-1, 3)
+    narrow = not len(views) or bool((views @ views.T).min() > np.cos(_FOV_NEEDS_RAD))
+    return _adjusted(pairs, chained, fov_known or narrow)
 
 
 def _adjusted(
