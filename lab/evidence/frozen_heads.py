@@ -74,7 +74,7 @@ class Args:
 
 
 @dataclass(frozen=True, eq=False)
-class Views:
+class PhotoFeatures:
     """Photos as features, and the spheres filmed with them."""
 
     features: Tensor  # (n, 4800)
@@ -82,9 +82,9 @@ class Views:
     flipped: Tensor  # (n,), photo mirrored, spheres not
     places: np.ndarray
 
-    def joined(self, other: "Views") -> "Views":
+    def joined(self, other: "PhotoFeatures") -> "PhotoFeatures":
         """Both."""
-        return Views(
+        return PhotoFeatures(
             torch.cat((self.features, other.features)),
             np.concatenate((self.spheres, other.spheres)),
             torch.cat((self.flipped, other.flipped)),
@@ -120,7 +120,7 @@ def main(args: Args) -> None:
             bench.report(words, train.joined(added), args.seeds)
 
 
-def training_views(args: Args, address: str, encoder: MobileNetV2Encoder) -> Views:
+def training_views(args: Args, address: str, encoder: MobileNetV2Encoder) -> PhotoFeatures:
     """Some of a data set's training examples, some as they are and some flipped."""
     index, name = open_dataset(address).index("train"), Path(address).name
     straight, mirrored = (
@@ -136,7 +136,7 @@ def training_views(args: Args, address: str, encoder: MobileNetV2Encoder) -> Vie
 def views(
     index: SplitIndex, encoder: MobileNetV2Encoder, cached: Path,
     chosen: np.ndarray | None = None, flip: bool = False,
-) -> Views:  # fmt: skip
+) -> PhotoFeatures:  # fmt: skip
     """The features of examples of a split, computed once."""
     numbers = np.arange(len(index)) if chosen is None else chosen
     spheres = np.stack([index.pixels(int(n))[1] for n in numbers])
@@ -146,7 +146,7 @@ def views(
             np.save(temporary, found.half().numpy())
     features = torch.from_numpy(np.load(cached, allow_pickle=False)).float()
     flipped = torch.full((len(numbers),), flip)
-    return Views(features, spheres, flipped, index.places[numbers])
+    return PhotoFeatures(features, spheres, flipped, index.places[numbers])
 
 
 @torch.no_grad()
@@ -182,14 +182,14 @@ class Head(nn.Module):
 class Bench:
     """What every row shares: the rig, the components, the validation views."""
 
-    def __init__(self, rig: Rig, train: Views, val: Views, steps: int) -> None:
+    def __init__(self, rig: Rig, train: PhotoFeatures, val: PhotoFeatures, steps: int) -> None:
         self.val, self.steps, self.bases = val, steps, rig_bases(rig)
         shown = RigBases.from_rigs([rig])
         self.inside = [shown.mask[0, s].nonzero()[:, 0] for s in range(len(SPHERES))]
         self.basis = [shown.basis[0, s][px] for s, px in enumerate(self.inside)]
         self.mean, self.components = principal_components(self.fits(train), COMPONENTS, True, True)
 
-    def fits(self, train: Views) -> Tensor:
+    def fits(self, train: PhotoFeatures) -> Tensor:
         """ln radiance that explains some of the training spheres."""
         numbers = np.linspace(0, len(train.spheres) - 1, FITS).astype(int)
         lights = np.stack(
@@ -204,7 +204,7 @@ class Bench:
         return torch.from_numpy(np.log(known)).float().permute(0, 3, 1, 2)
 
     def report(
-        self, name: str, train: Views, seeds: int, places: int | None = None,
+        self, name: str, train: PhotoFeatures, seeds: int, places: int | None = None,
         weights: tuple[float, ...] = (0.4, 0.2, 0.4),
     ) -> None:  # fmt: skip
         """Train a head from each seed, with this number of places, and print a row."""
@@ -221,7 +221,7 @@ class Bench:
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
     def measured(
-        self, train: Views, chosen: np.ndarray, weights: tuple[float, ...], seed: int
+        self, train: PhotoFeatures, chosen: np.ndarray, weights: tuple[float, ...], seed: int
     ) -> Scores:
         """Scores of a new head on the validation views."""
         torch.manual_seed(seed)
@@ -242,7 +242,7 @@ class Bench:
         return score(rendered, filmed, self.bases)
 
     def trained(
-        self, head: Head, features: Tensor, train: Views, chosen: np.ndarray,
+        self, head: Head, features: Tensor, train: PhotoFeatures, chosen: np.ndarray,
         weights: Sequence[float], seed: int,
     ) -> Head:  # fmt: skip
         """The moving average of a head's weights after the steps, all places equally often seen."""

@@ -26,7 +26,7 @@ from deeplight.evaluate.files import write_files
 from deeplight.evaluate.light_metrics import brightest
 from deeplight.evaluate.report_tables import interval
 from deeplight.evaluate.result import SplitResult
-from deeplight.evaluate.rivals.crops import Pair, Views, all_pairs
+from deeplight.evaluate.rivals.crops import Pair, ViewPlan, all_pairs
 from deeplight.evaluate.rivals.predict import write_answers
 from deeplight.evaluate.rivals.rival import PRESETS, Rival, load_rival
 from deeplight.evaluate.rivals.training import train_rival
@@ -68,7 +68,7 @@ class Args:
     """Our landscape network; left out, the one in the package."""
 
 
-def pairs_in(args: Args, split: str, scene: str, views: Views) -> list[Pair]:
+def pairs_in(args: Args, split: str, scene: str, views: ViewPlan) -> list[Pair]:
     """Views of the places that our network's data set has: those whose ground is real."""
     places = [p for p in places_in(args.hdri) if (p.split, p.scene) == (split, scene)]
     return all_pairs([load(place) for place in places if not place.synthetic_ground], views)

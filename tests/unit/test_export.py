@@ -151,8 +151,8 @@ def test_turning_for_a_tool_is_undone(tool, environment) -> None:
 @pytest.fixture(scope="module")
 def document(environment, tmp_path_factory) -> dict[str, Any]:
     """The glTF as JSON."""
-    wish = FileSpec(tmp_path_factory.mktemp("gltf") / "light.gltf")
-    (path,) = write_environment(environment, wish)
+    spec = FileSpec(tmp_path_factory.mktemp("gltf") / "light.gltf")
+    (path,) = write_environment(environment, spec)
     return json.loads(path.read_text())
 
 
@@ -262,7 +262,7 @@ def test_a_three_module_has_its_light_in_the_all_positive_sign(environment, tmp_
 
 
 @pytest.mark.parametrize(
-    ("wish", "said"),
+    ("spec", "said"),
     [
         ({"path": Path("light.tga")}, "--format"),
         ({"path": Path("a.glb"), "mapping": "cross"}, "picture"),
@@ -274,9 +274,9 @@ def test_a_three_module_has_its_light_in_the_all_positive_sign(environment, tmp_
         ({"path": Path("a.exr"), "size": 65}, "even"),
     ],
 )
-def test_impossible_wishes_are_refused(wish, said) -> None:
+def test_impossible_wishes_are_refused(spec, said) -> None:
     with pytest.raises(InputError, match=said):
-        FileSpec(**wish)
+        FileSpec(**spec)
 
 
 def test_a_cube_for_a_tool_that_takes_none_is_refused(environment, tmp_path) -> None:

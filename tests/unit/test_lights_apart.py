@@ -16,7 +16,7 @@ from deeplight.io.radiance import read_hdr, write_exr
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.mappings import latlong, resample
 
-SPEC = write_environment.__annotations__["wish"]
+SPEC = write_environment.__annotations__["spec"]
 LAMPS = (
     Lamp(normalised(np.array([0.5, 0.8, 0.3])), np.array([3.0, 2.6, 2.0]), 0.08),
     Lamp(normalised(np.array([-0.6, 0.4, -0.7])), np.array([0.8, 0.9, 1.2]), 0.05),

@@ -12,7 +12,7 @@ from deeplight.dataset import open_dataset
 from deeplight.errors import ConfigError, ModelError
 from deeplight.evaluate.panorama_estimates import panorama_estimates
 from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
-from deeplight.evaluate.rivals.crops import HEIGHT, Pair, Views, all_pairs
+from deeplight.evaluate.rivals.crops import HEIGHT, Pair, ViewPlan, all_pairs
 from deeplight.evaluate.rivals.predict import write_answers
 from deeplight.evaluate.rivals.rival import PRESETS, inputs_of, load_rival, smaller
 from deeplight.evaluate.rivals.sky import Sky, brightest_region, fitted_sky, sky_radiance
@@ -81,7 +81,7 @@ def test_a_region_behind_the_camera_is_one() -> None:
 
 # -- what they learn from --------------------------------------------------------------------------
 
-VIEWS = Views(64, 48, per_panorama=2, fov_deg=(50, 50))
+VIEWS = ViewPlan(64, 48, per_panorama=2, fov_deg=(50, 50))
 
 
 def places(count: int = 4) -> list[np.ndarray]:

@@ -13,7 +13,7 @@ from deeplight.study.analyse import analyse
 from deeplight.study.answers import Answer, Key, Person, checked, read_people
 from deeplight.study.bradley_terry import Comparisons, chances, fit
 from deeplight.study.design import (
-    Session,
+    Sitting,
     Study,
     make_study,
     named_folders,
@@ -180,7 +180,7 @@ def folders(tmp_path: Path) -> dict[str, Path]:
     return {name: tmp_path / name for name in METHODS}
 
 
-SHORT = Session(pairs=6, catches=2, identical=1)
+SHORT = Sitting(pairs=6, catches=2, identical=1)
 
 
 def test_the_page_is_blind_and_whole(folders: dict[str, Path], tmp_path: Path) -> None:
@@ -242,7 +242,7 @@ def test_a_reference_stands_in_every_scene_and_is_no_method(
     folders: dict[str, Path], tmp_path: Path
 ) -> None:
     reference = folders.pop("good")
-    study = Study(folders, "reference", reference, Session(3, 1, 0))
+    study = Study(folders, "reference", reference, Sitting(3, 1, 0))
     key = make_study(study, tmp_path / "out")
     assert sorted(key["conditions"].values()) == ["bad", "middle"]
     page = (tmp_path / "out" / "site" / "index.html").read_text()

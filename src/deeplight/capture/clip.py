@@ -84,31 +84,31 @@ class ClipRecord:
 
 
 def capture_clip(
-    account: ClipRecord, settings: CaptureSettings, number: int
+    record: ClipRecord, settings: CaptureSettings, number: int
 ) -> Iterator[Example | Rig]:
-    """Give the rig of a clip and then its examples, and fill in `account` on the way.
+    """Give the rig of a clip and then its examples, and fill in `record` on the way.
 
     Args:
-        account: of the clip.
+        record: of the clip.
         settings: how to work.
         number: of the clip in its split; part of the examples' keys.
 
     Raises:
-        InputError: the clip cannot be used, whenever that shows; `account.reason` says why.
+        InputError: the clip cannot be used, whenever that shows; `record.reason` says why.
     """
     try:
-        camera = _look_through(account, settings)
-        assert account.located is not None
-        take = f"{_UNSAFE.sub('_', account.clip.stem)[:60]}-{number:05d}"
-        rig = replace(account.located.rig, name=take)
-        account.rig_name = take
+        camera = _look_through(record, settings)
+        assert record.located is not None
+        take = f"{_UNSAFE.sub('_', record.clip.stem)[:60]}-{number:05d}"
+        rig = replace(record.located.rig, name=take)
+        record.rig_name = take
         yield rig
-        yield from _examples(account, camera, rig)
+        yield from _examples(record, camera, rig)
     except InputError as error:
         line = " ".join(str(error).split())
-        account.reason = line.replace(str(account.clip.path), account.clip.path.name)
+        record.reason = line.replace(str(record.clip.path), record.clip.path.name)
         if isinstance(error, NotLocated):
-            account.overlay = error.overlay
+            record.overlay = error.overlay
         raise
 
 
@@ -124,51 +124,51 @@ def _unreadable(path: Path, error: OSError) -> DataSetError:
     return DataSetError("a readable clip", f"{path}: {error.strerror or error}", "correct the path")
 
 
-def _look_through(account: ClipRecord, settings: CaptureSettings) -> PinholeCamera:
+def _look_through(record: ClipRecord, settings: CaptureSettings) -> PinholeCamera:
     """The first pass: measure every frame, find the spheres, decide what to leave out."""
-    path, choice = account.clip.path, settings.choice
+    path, choice = record.clip.path, settings.choice
     try:
-        account.video = video = facts(path)
+        record.video = video = facts(path)
     except OSError as error:
         raise _unreadable(path, error) from error
     fov_rad = settings.vertical_fov_rad or frame_photo(video.height, video.width).vertical_fov_rad
-    account.camera = camera = PinholeCamera(video.width, video.height, fov_rad)
+    record.camera = camera = PinholeCamera(video.width, video.height, fov_rad)
     if video.width > video.height and not settings.vertical_fov_rad:
-        account.warnings.append(
+        record.warnings.append(
             f"a clip wider than high, taken to see {np.degrees(ASSUMED_LONG_SIDE_FOV_RAD):.0f} "
             f"degrees from left to right, {np.degrees(fov_rad):.1f} vertically; else give --fov"
         )
-    account.located = locate(account.log.watch(_read(path)), camera, settings.locate)
-    account.overlay = account.located.overlay
-    account.warnings += account.located.warnings
-    account.chooser = Chooser(causes_by_log(account.log, choice), choice.alike)
-    if account.kept < choice.least_kept:
-        dropped = ", ".join(f"{n} {cause}" for cause, n in account.chooser.dropped.items())
-        got = f"{account.kept} good ones of {len(account.log)} ({dropped})"
+    record.located = locate(record.log.watch(_read(path)), camera, settings.locate)
+    record.overlay = record.located.overlay
+    record.warnings += record.located.warnings
+    record.chooser = Chooser(causes_by_log(record.log, choice), choice.alike)
+    if record.kept < choice.least_kept:
+        dropped = ", ".join(f"{n} {cause}" for cause, n in record.chooser.dropped.items())
+        got = f"{record.kept} good ones of {len(record.log)} ({dropped})"
         raise DataSetError(f"at least {choice.least_kept} good frames", got, "film it again")
     return camera
 
 
-def _examples(account: ClipRecord, camera: PinholeCamera, rig: Rig) -> Iterator[Example]:
+def _examples(record: ClipRecord, camera: PinholeCamera, rig: Rig) -> Iterator[Example]:
     """The second pass: cut the frames that are kept."""
-    assert account.chooser is not None
-    clip, framing = account.clip, background_framing(camera)
+    assert record.chooser is not None
+    clip, framing = record.clip, background_framing(camera)
     cuts = reprojections(rig, camera)
     lighting = {} if clip.split in TRAINING_SPLITS else true_lighting(clip.path)
     step = 1
     with closing(_read(clip.path)) as reading:
-        for count, still in enumerate(account.chooser.keep(reading)):
+        for count, still in enumerate(record.chooser.keep(reading)):
             channels = still.channels()
             spheres = crops(channels, cuts)
             if count % step == 0:
-                account.shown.append((still.number, spheres))
-                if len(account.shown) >= 2 * _SHOWN:
-                    account.shown, step = account.shown[::2], 2 * step
+                record.shown.append((still.number, spheres))
+                if len(record.shown) >= 2 * _SHOWN:
+                    record.shown, step = record.shown[::2], 2 * step
             yield Example(
                 f"{rig.name}-{still.number:06d}",
                 background_of(channels, framing),
                 spheres,
-                _meta(account, still, rig),
+                _meta(record, still, rig),
                 lighting.get(still.number),
             )
 
@@ -181,8 +181,8 @@ def background_framing(camera: PinholeCamera) -> Framing:
     return frame_photo(camera.height, camera.width, fov, "given", contract)
 
 
-def _meta(account: ClipRecord, still: VideoFrame, rig: Rig) -> ExampleMeta:
-    clip, log = account.clip, account.log
+def _meta(record: ClipRecord, still: VideoFrame, rig: Rig) -> ExampleMeta:
+    clip, log = record.clip, record.log
     details = {
         "time_s": round(still.time_s, 6),
         "mean": round(log.at("mean", still.number), 5),

@@ -40,38 +40,38 @@ def fingerprint(clip: Path) -> str:
     return f"{size}-{hashlib.sha256(ends).hexdigest()[:32]}"
 
 
-def write_reports(account: ClipRecord, folder: Path) -> None:
+def write_reports(record: ClipRecord, folder: Path) -> None:
     """Write both reports of a clip, each whole or not at all.
 
     Raises:
         OSError: they cannot be written.
     """
-    path = report_path(folder, account.clip.stem)
-    page(account).write(path.with_suffix(".html"))
-    write_json(path, described(account))
+    path = report_path(folder, record.clip.stem)
+    page(record).write(path.with_suffix(".html"))
+    write_json(path, described(record))
 
 
-def described(account: ClipRecord) -> dict[str, Any]:
+def described(record: ClipRecord) -> dict[str, Any]:
     """The report for programs."""
-    clip, video, chooser = account.clip, account.video, account.chooser
+    clip, video, chooser = record.clip, record.video, record.chooser
     return {
         "version": VERSION,
-        "status": "failed" if account.reason else "ok",
-        "reason": account.reason,
+        "status": "failed" if record.reason else "ok",
+        "reason": record.reason,
         "clip": clip.path.name,
         "content": fingerprint(clip.path),
         "place": clip.place,
         "scene": clip.scene,
         "split": clip.split,
         "frames": {
-            "read": len(account.log),
-            "kept": account.kept,
+            "read": len(record.log),
+            "kept": record.kept,
             "dropped": chooser.dropped if chooser else {},
         },
-        "spheres": _spheres(account),
-        "rig": account.rig_name or None,
-        "method": account.located.method if account.located else None,
-        "warnings": list(account.warnings),
+        "spheres": _spheres(record),
+        "rig": record.rig_name or None,
+        "method": record.located.method if record.located else None,
+        "warnings": list(record.warnings),
         "video": None
         if video is None
         else {
@@ -82,14 +82,14 @@ def described(account: ClipRecord) -> dict[str, Any]:
             "transfer": video.transfer,
             "rotation_deg": video.rotation_deg,
             "mirrored": video.mirrored,
-            "vertical_fov_deg": account.camera and round(_fov_deg(account.camera), 3),
+            "vertical_fov_deg": record.camera and round(_fov_deg(record.camera), 3),
         },
     }
 
 
-def _spheres(account: ClipRecord) -> dict[str, Any]:
-    located = account.located
-    if located is None or account.reason:
+def _spheres(record: ClipRecord) -> dict[str, Any]:
+    located = record.located
+    if located is None or record.reason:
         return {}
     spheres = {}
     for name in SPHERES:
@@ -108,31 +108,31 @@ def _spheres(account: ClipRecord) -> dict[str, Any]:
     return spheres
 
 
-def page(account: ClipRecord) -> Page:
+def page(record: ClipRecord) -> Page:
     """The report for people."""
-    clip = account.clip
-    read, kept = len(account.log), account.kept
-    outcome = "failed" if account.reason else f"{kept} of {read} frames became examples"
+    clip = record.clip
+    read, kept = len(record.log), record.kept
+    outcome = "failed" if record.reason else f"{kept} of {read} frames became examples"
     result = Page(f"Clip {clip.stem}", f"{clip.path.name}: {outcome}.")
-    if account.reason:
-        result.add(Paragraph(account.reason, "failure"))
-    result.add(*(Paragraph(f"Look at this: {text}.", "warning") for text in account.warnings))
-    if account.overlay is not None:
-        alt = "a frame with what was seen" if account.reason else "a frame with the outlines found"
-        caption = "What was seen." if account.reason else "The outlines found, by name and surety."
-        result.add(Heading("The rig"), Figure(account.overlay, caption, alt, 380))
-    if account.located is not None:
-        result.add(_geometry(account))
-    if account.shown:
-        result.add(Heading("The crops over time"), *_crops(account))
+    if record.reason:
+        result.add(Paragraph(record.reason, "failure"))
+    result.add(*(Paragraph(f"Look at this: {text}.", "warning") for text in record.warnings))
+    if record.overlay is not None:
+        alt = "a frame with what was seen" if record.reason else "a frame with the outlines found"
+        caption = "What was seen." if record.reason else "The outlines found, by name and surety."
+        result.add(Heading("The rig"), Figure(record.overlay, caption, alt, 380))
+    if record.located is not None:
+        result.add(_geometry(record))
+    if record.shown:
+        result.add(Heading("The crops over time"), *_crops(record))
     if read:
-        result.add(*_curves(account))
-    result.add(Heading("Frames"), _fates(account), Heading("The clip"), _facts(account))
+        result.add(*_curves(record))
+    result.add(Heading("Frames"), _fates(record), Heading("The clip"), _facts(record))
     return result
 
 
-def _geometry(account: ClipRecord) -> Table:
-    located = account.located
+def _geometry(record: ClipRecord) -> Table:
+    located = record.located
     assert located is not None
     rows = []
     for name in SPHERES:
@@ -154,8 +154,8 @@ def _geometry(account: ClipRecord) -> Table:
     )
 
 
-def _crops(account: ClipRecord) -> list[PageRow]:
-    every = max(1, -(-len(account.shown) // 8))
+def _crops(record: ClipRecord) -> list[PageRow]:
+    every = max(1, -(-len(record.shown) // 8))
     rows = []
     for name in SPHERES:
         title = name.replace("_", " ")
@@ -166,16 +166,16 @@ def _crops(account: ClipRecord) -> list[PageRow]:
                 f"{title} sphere in frame {number}",
                 _CROP_PX,
             )
-            for number, spheres in account.shown[::every]
+            for number, spheres in record.shown[::every]
         ]
         rows.append(PageRow(figures, f"The {title} sphere, as the ideal camera sees it."))
     return rows
 
 
-def _curves(account: ClipRecord) -> list[Heading | Chart]:
-    log = account.log
+def _curves(record: ClipRecord) -> list[Heading | Chart]:
+    log = record.log
     time_s = log.column("time_s").tolist()
-    causes = account.chooser.causes if account.chooser else []
+    causes = record.chooser.causes if record.chooser else []
     marks = [
         Mark(cause.replace("_", " "), [time_s[n] for n, c in enumerate(causes) if c == cause], tone)
         for tone, cause in enumerate(CAUSES)
@@ -196,15 +196,15 @@ def _curves(account: ClipRecord) -> list[Heading | Chart]:
     ]
 
 
-def _fates(account: ClipRecord) -> Table:
-    dropped = account.chooser.dropped if account.chooser else {}
-    rows = [("read", len(account.log)), ("kept", account.kept)]
+def _fates(record: ClipRecord) -> Table:
+    dropped = record.chooser.dropped if record.chooser else {}
+    rows = [("read", len(record.log)), ("kept", record.kept)]
     rows += [(cause.replace("_", " "), count) for cause, count in dropped.items()]
     return Table(("frames", "count"), rows)
 
 
-def _facts(account: ClipRecord) -> Table:
-    clip, video = account.clip, account.video
+def _facts(record: ClipRecord) -> Table:
+    clip, video = record.clip, record.video
     rows = [("place", clip.place), ("scene", clip.scene), ("split", clip.split)]
     rows.append(("licence", clip.licence))
     if video is not None:
@@ -215,7 +215,7 @@ def _facts(account: ClipRecord) -> Table:
             ("upright picture", f"{video.width} x {video.height}{turn}"),
             (
                 "taken to see vertically",
-                f"{_fov_deg(account.camera):.1f}°" if account.camera else "",
+                f"{_fov_deg(record.camera):.1f}°" if record.camera else "",
             ),
             ("frames a second", f"{video.rate_hz or 0:.4g}{uneven}"),
             ("coding", f"{video.codec}, {video.transfer}"),

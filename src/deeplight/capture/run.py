@@ -71,14 +71,14 @@ class Capture:
     def work(self, job: ClipJob) -> Outcome:
         """Write a clip's shard and reports; one that cannot be used gives an empty shard."""
         cv2.setNumThreads(1)  # a job is one thread; clips are what runs side by side
-        account = ClipRecord(job.clip)
+        record = ClipRecord(job.clip)
         try:
-            self.shards.write(job.shard, capture_clip(account, self.settings, job.shard.number))
+            self.shards.write(job.shard, capture_clip(record, self.settings, job.shard.number))
         except InputError as error:
-            account.reason = account.reason or str(error)
-            self.shards.write(job.shard, [Skipped(job.clip.path.name, account.reason)])
-        write_reports(account, self.shards.folder)
-        return Outcome(job.clip, len(account.log), account.kept, account.reason)
+            record.reason = record.reason or str(error)
+            self.shards.write(job.shard, [Skipped(job.clip.path.name, record.reason)])
+        write_reports(record, self.shards.folder)
+        return Outcome(job.clip, len(record.log), record.kept, record.reason)
 
 
 def plan(clips: tuple[Clip, ...], out: Path, settings: CaptureSettings) -> Capture:

@@ -45,6 +45,7 @@ def run(args: Args) -> None:
 
     from deeplight.calibrate.gains import words
     from deeplight.calibrate.run import calibrate_model
+    from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import progress_bar, results_console
     from deeplight.dataset.manifest import MANIFEST
     from deeplight.errors import ConfigError
@@ -55,6 +56,8 @@ def run(args: Args) -> None:
     videos = [path for path in args.clips if path not in data]
     if videos:
         data.append(_captured(args, videos))
+    else:
+        refuse_unused(args, "with data sets, which are captured already", "captured", "fov")
     with progress_bar("looking at examples", None) as advance:
         found = calibrate_model(data, args.out, args.weights, advance)
     red, green, blue = (math.exp(value) for value in found.log_gains)

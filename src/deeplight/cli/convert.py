@@ -84,11 +84,11 @@ def run(args: Args) -> None:
 
     if args.test_panorama:
         refuse_unused(args, "with --test-panorama", "inputs", "in_mapping", "made_from", "fov")
-    wish = FileSpec(args.out, args.format, args.mapping, args.made_for, args.size, args.lamps_apart)
-    wish.must_not_replace(args.inputs)
+    spec = FileSpec(args.out, args.format, args.mapping, args.made_for, args.size, args.lamps_apart)
+    spec.must_not_replace(args.inputs)
     light, notes = (labelled_environment(), ()) if args.test_panorama else _light(args)
     console = Console(highlight=False, soft_wrap=True, markup=False)
-    console.print(*write_environment(light.edited(args.edit), wish), sep="\n")
+    console.print(*write_environment(light.edited(args.edit), spec), sep="\n")
     for note in notes:
         console.print(f"  {note}", style="dim")
 

@@ -8,6 +8,7 @@ Rotations come from a pose file (ARKit, ARCore, WebXR), from a panorama's own me
 pictures: turn slowly, so that neighbouring frames overlap by a third.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -18,6 +19,7 @@ import tyro
 from rich.markup import escape
 
 if TYPE_CHECKING:
+    from deeplight.fuse.poses import Poses
     from deeplight.fuse.sources import SourceFrame
 
 
@@ -63,9 +65,11 @@ class Args:
 
 def run(args: Args) -> None:
     """Fuse; print what was made and what had to be left out."""
+    from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import results_console
     from deeplight.estimators.open import open_model
     from deeplight.fuse.fuse import FuseSettings, fuse_frames
+    from deeplight.fuse.panorama_photo import is_panorama
     from deeplight.fuse.poses import read_poses
     from deeplight.fuse.results import seen_share, write_fused
     from deeplight.fuse.sources import frame_of, read_frames
@@ -76,12 +80,14 @@ def run(args: Args) -> None:
 
     _check(args)
     paths = [p for s in args.sources for p in ([s] if is_video(s) else photo_paths([s]))]
+    if all(not is_video(path) and is_panorama(path) for path in paths):
+        refuse_unused(args, "with panoramas, which say it themselves", "fov")
     poses = None if args.poses is None else read_poses(args.poses, _upright(paths[0]))
     estimator = open_model(args.model)
     frames = read_frames(paths, poses)
     notes = []
     if poses is not None:
-        posed = [replace(f, world_from_camera=poses.at(f.number, f.time_s)) for f in frames]
+        posed = [_posed(frame, poses, args.fov) for frame in frames]
         frames = [frame for frame in posed if frame.world_from_camera is not None]
         if len(frames) < len(posed):
             notes.append(f"{len(posed) - len(frames)} without a pose left out")
@@ -115,6 +121,15 @@ def _check(args: Args) -> None:
         raise ConfigError("--height from 64 to 2048", f"{args.height}", "correct it")
     if args.session is not None and args.session.suffix != ".npz":
         raise ConfigError("--session FILE.npz", f"{args.session}", "rename it")
+
+
+def _posed(frame: "SourceFrame", poses: "Poses", fov_deg: float | None) -> "SourceFrame":
+    """A frame turned as the file says; a photo's field of view is the one given, if one is."""
+    fov_rad = frame.vertical_fov_rad
+    if fov_deg is not None and frame.world_from_camera is None:  # not a part of a panorama
+        fov_rad = math.radians(fov_deg)
+    turn = poses.at(frame.number, frame.time_s)
+    return replace(frame, world_from_camera=turn, vertical_fov_rad=fov_rad)
 
 
 def _upright(path: Path) -> bool:

@@ -67,8 +67,8 @@ def run(args: Args) -> None:
         refuse_unused(args, "without --card", "card_reflectance")
     if args.shows == "panorama":
         refuse_unused(args, "with --shows panorama", "ball", "reflectivity")
-    wish = FileSpec(args.out)
-    wish.must_not_replace(args.photos)
+    spec = FileSpec(args.out)
+    spec.must_not_replace(args.photos)
     settings = ProbeSettings(
         args.shows,
         args.times,
@@ -88,5 +88,5 @@ def run(args: Args) -> None:
         console.print(fact)
     if args.check is not None:
         console.print(f"look at {write_check(probe, args.check)}")
-    for path in write_environment(probe.environment, wish):
+    for path in write_environment(probe.environment, spec):
         console.print(f"{path}")

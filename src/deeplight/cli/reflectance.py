@@ -51,12 +51,16 @@ class Args:
 
 def run(args: Args) -> None:
     """Read with a progress bar, print the certificate, write the files."""
+    from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import progress_bar
     from deeplight.light_stage.files import check_name, write_measured
+    from deeplight.light_stage.folder import all_linear
     from deeplight.light_stage.measure import measure, photographs_in
 
     check_name(args.out)
     how = _settings(args)
+    if all_linear(args.folder):
+        refuse_unused(args, "with photographs that are linear already", "linear", "gamma")
     with progress_bar("reading photographs", photographs_in(args.folder, how)) as advance:
         measured = measure(args.folder, how, advance)
     files = write_measured(args.out, measured, args.folder, how)

@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 import tyro
 
 from deeplight.cli.flags import Repeated, flat, refuse_unused
-from deeplight.study.design import Session
+from deeplight.study.design import Sitting
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Make:
     """Which looks more real, or which is closer to the reference."""
     reference: Path | None = None
     """Folder of reference pictures, for that question."""
-    session: Session = field(default_factory=Session)
+    session: Sitting = field(default_factory=Sitting)
     """What one person is shown."""
     title: str = "Which picture?"
     """Heading of the page."""

@@ -46,17 +46,17 @@ def convert(
     >>> deeplight.read_environment("white.exr")
     Environment(128 x 64, camera frame, unit camera_white)
     """
-    wish = FileSpec(Path(out), format, mapping, made_for, size)
-    return write_environment(_environment(light, wish).edited(edit or Edit()), wish)
+    spec = FileSpec(Path(out), format, mapping, made_for, size)
+    return write_environment(_environment(light, spec).edited(edit or Edit()), spec)
 
 
-def _environment(light: Any, wish: FileSpec) -> Environment:
+def _environment(light: Any, spec: FileSpec) -> Environment:
     if isinstance(light, Environment):
         return light
     if isinstance(light, Lighting):
         return Environment.from_lighting(light)
     if isinstance(light, str | Path):
-        wish.must_not_replace([Path(light)])
+        spec.must_not_replace([Path(light)])
         return read_environment(light)
     if isinstance(light, Sequence) and all(isinstance(path, str | Path) for path in light):
         return read_environment([Path(path) for path in light])

@@ -142,95 +142,95 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
 """What a name's ending says; the longer of two comes first."""
 
 
-def write_environment(environment: Environment, wish: FileSpec) -> list[Path]:
-    """Write what `wish` names, each file whole or not at all; give the files written.
+def write_environment(environment: Environment, spec: FileSpec) -> list[Path]:
+    """Write what `spec` names, each file whole or not at all; give the files written.
 
     Raises:
         OSError: a file cannot be written.
         InputError: the tool takes no such picture.
     """
-    return FORMATS[wish.kind](environment, wish)
+    return FORMATS[spec.kind](environment, spec)
 
 
-def _panorama(environment: Environment, wish: FileSpec) -> np.ndarray:
+def _panorama(environment: Environment, spec: FileSpec) -> np.ndarray:
     """The panorama to write, with or without the lights that tools add themselves."""
-    return environment.ambient if wish.lamps_apart else environment.radiance
+    return environment.ambient if spec.lamps_apart else environment.radiance
 
 
-def _picture(environment: Environment, wish: FileSpec) -> list[Path]:
-    panorama = _panorama(environment, wish)
+def _picture(environment: Environment, spec: FileSpec) -> list[Path]:
+    panorama = _panorama(environment, spec)
     rows = len(panorama)
-    if wish.mapping in ("cube", "strip", "column"):
-        faces = cube_from_latlong(panorama, wish.size or max(rows // 2, 4))
-        faces = faces_for(faces, wish.made_for)
-        if wish.mapping == "cube":
-            return [_written(p, face, wish) for p, face in zip(wish.files, faces, strict=True)]
-        return [_written(wish.path, unfolded(faces, wish.mapping), wish)]
-    cross = "cross" in wish.mapping
+    if spec.mapping in ("cube", "strip", "column"):
+        faces = cube_from_latlong(panorama, spec.size or max(rows // 2, 4))
+        faces = faces_for(faces, spec.made_for)
+        if spec.mapping == "cube":
+            return [_written(p, face, spec) for p, face in zip(spec.files, faces, strict=True)]
+        return [_written(spec.path, unfolded(faces, spec.mapping), spec)]
+    cross = "cross" in spec.mapping
     # Quarter turns need whole columns, so an odd panorama gives up a row for a tool.
-    whole = rows - rows % 2 if wish.made_for in TOOLS else rows
-    size = wish.size or (max(rows // 2, 4) if cross else whole)
-    picture = probe_from_latlong(panorama, wish.mapping, size)
-    if wish.mapping == "latlong" and wish.made_for in TOOLS:
-        picture = turned_for(picture, wish.made_for)
-    return [_written(wish.path, picture, wish)]
+    whole = rows - rows % 2 if spec.made_for in TOOLS else rows
+    size = spec.size or (max(rows // 2, 4) if cross else whole)
+    picture = probe_from_latlong(panorama, spec.mapping, size)
+    if spec.mapping == "latlong" and spec.made_for in TOOLS:
+        picture = turned_for(picture, spec.made_for)
+    return [_written(spec.path, picture, spec)]
 
 
-def _written(path: Path, picture: np.ndarray, wish: FileSpec) -> Path:
+def _written(path: Path, picture: np.ndarray, spec: FileSpec) -> Path:
     radiance = np.ascontiguousarray(picture, np.float32)
-    if wish.kind == "exr":
+    if spec.kind == "exr":
         header: dict[str, str | int | float] = {"deeplight:unit": UNIT, "deeplight:frame": FRAME}
-        if wish.mapping == "latlong":
-            tool = TOOLS.get(wish.made_for or "")
+        if spec.mapping == "latlong":
+            tool = TOOLS.get(spec.made_for or "")
             header[VIEW_U] = tool.view_u if tool else 0.5
         write_exr(path, radiance, header)
-    elif wish.kind == "hdr":
+    elif spec.kind == "hdr":
         write_hdr(path, radiance)
     else:
         write_gain_map_jpeg(path, radiance)
     return path
 
 
-def _lighting_file(environment: Environment, wish: FileSpec) -> list[Path]:
-    tool = TOOLS.get(wish.made_for or "")
+def _lighting_file(environment: Environment, spec: FileSpec) -> list[Path]:
+    tool = TOOLS.get(spec.made_for or "")
     turn = tool.turn if tool else None
-    latlong = resized(_panorama(environment, wish), wish.size or LATLONG_HEIGHT)
-    stem = wish.path.with_suffix("")
-    facts = {"lamps": lamps_record(environment.lamps, in_environment=not wish.lamps_apart)}
+    latlong = resized(_panorama(environment, spec), spec.size or LATLONG_HEIGHT)
+    stem = spec.path.with_suffix("")
+    facts = {"lamps": lamps_record(environment.lamps, in_environment=not spec.lamps_apart)}
     if environment.seen is not None:
         facts["seen"] = seen_record(environment.seen)
     return save_lighting(environment.lighting, stem, turn=turn, latlong=latlong, facts=facts)
 
 
-def _webxr(environment: Environment, wish: FileSpec) -> list[Path]:
+def _webxr(environment: Environment, spec: FileSpec) -> list[Path]:
     content = light_estimate_file(environment.lighting, environment.main_light)
-    return _text(wish.path, json.dumps(content, indent=1) + "\n")
+    return _text(spec.path, json.dumps(content, indent=1) + "\n")
 
 
-def _ktx2(environment: Environment, wish: FileSpec) -> list[Path]:
-    if wish.made_for not in (None, "webxr"):
-        raise ConfigError("a KTX2 cube as OpenGL has it", f"--for {wish.made_for}", "drop --for")
-    size = wish.size or max(len(environment.radiance) // 2, 4)
+def _ktx2(environment: Environment, spec: FileSpec) -> list[Path]:
+    if spec.made_for not in (None, "webxr"):
+        raise ConfigError("a KTX2 cube as OpenGL has it", f"--for {spec.made_for}", "drop --for")
+    size = spec.size or max(len(environment.radiance) // 2, 4)
     faces = faces_for(cube_from_latlong(environment.radiance, size), "webxr")
-    write_ktx2(wish.path, faces.astype(np.float32), UNIT)
-    return [wish.path]
+    write_ktx2(spec.path, faces.astype(np.float32), UNIT)
+    return [spec.path]
 
 
-def _gltf(environment: Environment, wish: FileSpec) -> list[Path]:
-    return _text(wish.path, json.dumps(gltf(environment)) + "\n")
+def _gltf(environment: Environment, spec: FileSpec) -> list[Path]:
+    return _text(spec.path, json.dumps(gltf(environment)) + "\n")
 
 
-def _glb(environment: Environment, wish: FileSpec) -> list[Path]:
-    with replacing(wish.path) as temporary:
+def _glb(environment: Environment, spec: FileSpec) -> list[Path]:
+    with replacing(spec.path) as temporary:
         temporary.write_bytes(glb(environment))
-    return [wish.path]
+    return [spec.path]
 
 
 def _script(tool: str, snippet: str) -> Callable[[Environment, FileSpec], list[Path]]:
-    def write(environment: Environment, wish: FileSpec) -> list[Path]:
-        if wish.made_for not in (None, tool):
-            raise ConfigError(f"a script for {tool}", f"--for {wish.made_for}", "drop --for")
-        picture = _picture_beside(wish, tool)
+    def write(environment: Environment, spec: FileSpec) -> list[Path]:
+        if spec.made_for not in (None, tool):
+            raise ConfigError(f"a script for {tool}", f"--for {spec.made_for}", "drop --for")
+        picture = _picture_next_to(spec, tool)
         text = files("deeplight.formats").joinpath("snippets", snippet).read_text(encoding="utf-8")
         lights = [
             {
@@ -241,39 +241,39 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, FileSpec], list[P
             for light in environment.lights
         ]
         for mark, value in {
-            "NAME": re.sub(r"[^\w .-]", "_", wish.path.stem),
+            "NAME": re.sub(r"[^\w .-]", "_", spec.path.stem),
             "PICTURE": json.dumps(picture.path.name),
             "MAIN_LIGHT": json.dumps(lights[0]),
             "LIGHTS": json.dumps(lights),
-            "APART": json.dumps(wish.lamps_apart),
+            "APART": json.dumps(spec.lamps_apart),
             "HARMONICS": json.dumps(spherical_harmonics(environment.lights[-1].remainder).tolist()),
         }.items():
             text = text.replace(f"@{mark}@", value)
-        return [*_picture(environment, picture), *_text(wish.path, text)]
+        return [*_picture(environment, picture), *_text(spec.path, text)]
 
     return write
 
 
-def _usd(environment: Environment, wish: FileSpec) -> list[Path]:
+def _usd(environment: Environment, spec: FileSpec) -> list[Path]:
     try:
         from deeplight.formats.usd import write_usd
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "pxr":
             raise
-        raise MissingExtraError("usd", f"writing {wish.path.name}") from error
-    if wish.made_for is not None:
-        raise ConfigError("a USD stage", f"--for {wish.made_for}", "drop --for")
-    texture = _picture_beside(wish, "usd")
+        raise MissingExtraError("usd", f"writing {spec.path.name}") from error
+    if spec.made_for is not None:
+        raise ConfigError("a USD stage", f"--for {spec.made_for}", "drop --for")
+    texture = _picture_next_to(spec, "usd")
     files = _picture(environment, texture)
-    write_usd(wish.path, environment.lights, texture.path.name)
-    return [*files, wish.path]
+    write_usd(spec.path, environment.lights, texture.path.name)
+    return [*files, spec.path]
 
 
-def _picture_beside(wish: FileSpec, tool: str) -> FileSpec:
+def _picture_next_to(spec: FileSpec, tool: str) -> FileSpec:
     """What is written next to a script or a stage for `tool`."""
-    apart = wish.lamps_apart or tool in ALWAYS_APART
-    path, kind = wish.files[1], WITH_PICTURE[tool]
-    return replace(wish, path=path, format=kind, made_for=tool, lamps_apart=apart)
+    apart = spec.lamps_apart or tool in ALWAYS_APART
+    path, kind = spec.files[1], WITH_PICTURE[tool]
+    return replace(spec, path=path, format=kind, made_for=tool, lamps_apart=apart)
 
 
 def _text(path: Path, text: str) -> list[Path]:

@@ -167,6 +167,12 @@ def _lights(folder: Path, folders: dict[str, Path], given: Path | None) -> Stage
     return StageLights(files)
 
 
+def all_linear(folder: Path) -> bool:
+    """Whether every photograph of a stage's folder is in floating point, which has no gamma."""
+    found = [path for place in (folder, *folder.glob("*")) for path in _photographs(place)]
+    return bool(found) and all(path.suffix.lower() in (".exr", ".hdr") for path in found)
+
+
 def _photographs(folder: Path) -> Iterator[Path]:
     """Photographs under single lights."""
     if not folder.is_dir() or folder.name.startswith("."):

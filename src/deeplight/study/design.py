@@ -49,7 +49,7 @@ Picture = UInt8[np.ndarray, "height width 3"]
 
 
 @dataclass(frozen=True)
-class Session:
+class Sitting:
     """What one person is shown.
 
     Attributes:
@@ -88,7 +88,7 @@ class Study:
     methods: Mapping[str, Path]
     question: Literal["real", "reference"] = "real"
     reference: Path | None = None
-    session: Session = field(default_factory=Session)
+    session: Sitting = field(default_factory=Sitting)
     title: str = "Which picture?"
     consent: str = ""
     contact: str = ""

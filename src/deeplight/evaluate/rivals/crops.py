@@ -21,7 +21,7 @@ _NOISE_PIXELS = 30
 
 
 @dataclass(frozen=True)
-class Views:
+class ViewPlan:
     """Which views are taken.
 
     Attributes:
@@ -81,7 +81,7 @@ class Pair:
 
 
 def pairs_of(
-    panorama: Float[np.ndarray, "rows columns 3"], views: Views, random: np.random.Generator
+    panorama: Float[np.ndarray, "rows columns 3"], views: ViewPlan, random: np.random.Generator
 ) -> Iterator[Pair]:
     """Take views of one panorama with a phone's automatic exposure and white balance."""
     small = resample.shrink_latlong(panorama, HEIGHT).astype(np.float32)
@@ -102,7 +102,7 @@ def pairs_of(
 
 
 def all_pairs(
-    panoramas: Sequence[Float[np.ndarray, "rows columns 3"]], views: Views, seed: int = 0
+    panoramas: Sequence[Float[np.ndarray, "rows columns 3"]], views: ViewPlan, seed: int = 0
 ) -> list[Pair]:
     """The views of all panoramas, in their order."""
     random = np.random.default_rng(seed)

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from deeplight.errors import ModelError
 from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
-from deeplight.evaluate.rivals.crops import Views
+from deeplight.evaluate.rivals.crops import ViewPlan
 from deeplight.io.atomic import replacing
 from deeplight.io.boundary import reads_as
 from deeplight.mappings import resample
@@ -46,7 +46,7 @@ class RivalConfig:
     photo_size: tuple[int, int]
     learning_rate: float
     batch_size: int
-    views: Views
+    views: ViewPlan
     encoder: gardner_2017.Encoder = "published"
     width: float = 1.0
     steps: int = 2000
@@ -57,7 +57,7 @@ class RivalConfig:
     cosine: bool = False
 
 
-_LANDSCAPE = Views(135, 101, per_panorama=40, elevation_deg=30)
+_LANDSCAPE = ViewPlan(135, 101, per_panorama=40, elevation_deg=30)
 """Of the detail that a data set's middle has (see `preprocess.landscape_background`)."""
 _OURS: dict[str, Any] = {
     "encoder": "ours",
@@ -69,14 +69,14 @@ _OURS: dict[str, Any] = {
 
 PRESETS = {
     "gardner_2017": RivalConfig(
-        "gardner_2017", (192, 256), 0.005, 64, Views(256, 192, elevation_deg=30)
+        "gardner_2017", (192, 256), 0.005, 64, ViewPlan(256, 192, elevation_deg=30)
     ),
     "hold_geoffroy_2017": RivalConfig(
         "hold_geoffroy_2017",
         (240, 320),
         0.01,
         128,
-        Views(320, 240, per_panorama=7, elevation_deg=20, fov_deg=(35.0, 68.0)),
+        ViewPlan(320, 240, per_panorama=7, elevation_deg=20, fov_deg=(35.0, 68.0)),
     ),
     "gardner_2017-ours": RivalConfig("gardner_2017", (144, 192), 0.001, 32, _LANDSCAPE, **_OURS),
     "hold_geoffroy_2017-ours": RivalConfig(
@@ -149,7 +149,7 @@ def load_rival(path: Path) -> Rival:
             stored = json.loads((file.metadata() or {})["rival"])
             weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         views = stored["config"]["views"]
-        stored["config"]["views"] = Views(**{**views, "fov_deg": tuple(views["fov_deg"])})
+        stored["config"]["views"] = ViewPlan(**{**views, "fov_deg": tuple(views["fov_deg"])})
         stored["config"]["photo_size"] = tuple(stored["config"]["photo_size"])
         config = RivalConfig(**stored["config"])
         network = new_network(config)
