@@ -186,7 +186,7 @@ class _Child:
         self._process = context.Process(target=_read_all, args=(theirs, self._kinds), daemon=True)
         self._process.start()
         theirs.close()
-        if not self._pipe.poll(START_S):
+        if not any(self._pipe.poll(START_S) for _ in range(BUSY)):
             raise TimeoutError("the reading process did not start")
         self._pipe.recv()
 

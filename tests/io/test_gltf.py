@@ -133,6 +133,22 @@ def test_a_morph_is_applied_by_its_weight(path: Path) -> None:
     assert np.ptp(load(gltf.save(path))[0].vertices, axis=0) == pytest.approx([4, 2, 0])
 
 
+def test_a_morph_moves_colours_and_texture_coordinates_too(path: Path) -> None:
+    gltf = Gltf()
+    half = gltf.array(np.full((4, 4), 0.5, np.float32))
+    primitive = gltf.board(TEXCOORD_0=gltf.array(UV), COLOR_0=half)
+    primitive["targets"] = [
+        {
+            "COLOR_0": gltf.array(np.full((4, 3), -0.5, np.float32)),
+            "TEXCOORD_0": gltf.array(np.full((4, 2), 0.25, np.float32)),
+        }
+    ]
+    gltf.json["meshes"][0]["weights"] = [0.5]
+    (mesh,) = load(gltf.save(path))
+    assert mesh.colours == pytest.approx(np.full((4, 3), 0.25))
+    assert mesh.uv == pytest.approx((UV + 0.125) * [1, -1] + [0, 1])
+
+
 @pytest.mark.parametrize(
     ("mode", "indices"), [(4, FACES), (5, [3, 0, 2, 1]), (6, [0, 1, 2, 3]), (4, None)]
 )

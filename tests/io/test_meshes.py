@@ -19,29 +19,6 @@ pytestmark = pytest.mark.needs("trimesh")
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-8-sig", "utf-16"])
-def test_an_obj_and_its_materials_may_be_of_any_encoding(encoding: str, tmp_path: Path) -> None:
-    (tmp_path / "a.mtl").write_bytes("newmtl é\nKd 1 0 0\n".encode(encoding))
-    content = "# modèle\nmtllib a.mtl\nusemtl é\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-    (tmp_path / "a.obj").write_bytes(content.encode(encoding))
-    (mesh,) = load(str(tmp_path / "a.obj"))
-    assert mesh.finish.colour == pytest.approx((1, 0, 0))
-
-
-def test_a_ply_of_sixteen_bit_colours_keeps_them(tmp_path: Path) -> None:
-    def colour(kind: str, most: int) -> np.ndarray:
-        head = "ply\nformat ascii 1.0\ncomment é\nelement vertex 3\n"
-        head += "".join(f"property float {axis}\n" for axis in "xyz")
-        head += "".join(f"property {kind} {name}\n" for name in ("red", "green", "blue"))
-        head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
-        values = f"{most} {round(0.5 * most)} {round(0.1 * most)}"
-        rows = "".join(f"{xy} 0 {values}\n" for xy in ("0 0", "1 0", "0 1"))
-        (tmp_path / f"{kind}.ply").write_bytes((head + rows + "3 0 1 2\n").encode("latin-1"))
-        return load(str(tmp_path / f"{kind}.ply"))[0].colours[0]
-
-    assert colour("ushort", 65535) == pytest.approx(colour("uchar", 255), abs=0.005)
-
-
 def test_pipes_are_refused_before_they_are_opened(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     gltf = Gltf()

@@ -8,7 +8,7 @@ import pytest
 
 from deeplight.cli.main import main
 from deeplight.errors import ImageFileError
-from deeplight.io.colour import ACES_AP0, ACES_AP1, BT2020, CIE_XYZ, bt709_from_primaries
+from deeplight.io.colour import ACES_AP0, ACES_AP1, BT709, BT2020, CIE_XYZ, bt709_from_primaries
 from deeplight.io.environment_file import read_environment
 from deeplight.io.photos import read_photo
 from deeplight.io.radiance import read_hdr
@@ -68,6 +68,7 @@ HEADERS = {
     "COLORCORR=1 2 0.5\nEXPOSURE= 2\n": (2, 4, 1),
     "EXPOSURE=0\nCOLORCORR=1 2\nEXPOSURE=nan\nEXPOSURE=x\n": (1, 1, 1),
     "SOFTWARE=x\nVIEW= -vta\nPIXASPECT=1\n": (1, 1, 1),
+    "pcompos a.hdr b.hdr\n\tEXPOSURE=4\nEXPOSURE=2\n": (2, 2, 2),  # the first is a.hdr's
 }
 
 
@@ -224,11 +225,27 @@ def test_chromaticities_of_an_exr_are_converted(tmp_path: Path, primaries: tuple
     np.testing.assert_allclose(read_hdr(grey), WRONG, atol=1e-6)  # white stays white
 
 
-def test_the_interop_name_of_a_space_is_known(tmp_path: Path) -> None:
-    stored = light() @ np.linalg.inv(bt709_from_primaries(ACES_AP1)).T.astype(np.float32)
+@pytest.mark.parametrize(
+    ("primaries", "said"),
+    [
+        (ACES_AP1, {"colorInteropID": "lin_ap1_scene"}),
+        (ACES_AP1, {"oiio:ColorSpace": "ACEScg"}),
+        (ACES_AP0, {"oiio:ColorSpace": "ACES2065-1"}),
+        (BT709, {"oiio:ColorSpace": "lin_rec709_scene"}),
+    ],
+)
+def test_the_name_of_a_space_is_known(tmp_path: Path, primaries: tuple, said: dict) -> None:
+    stored = light() @ np.linalg.inv(bt709_from_primaries(primaries)).T.astype(np.float32)
     parts = [("", layer("", stored.astype(np.float32)))]
-    path = write_parts(tmp_path / "a.exr", parts, colorInteropID="lin_ap1_scene")
+    path = write_parts(tmp_path / "a.exr", parts, **said)
     np.testing.assert_allclose(read_hdr(path), light(), atol=1e-4)
+
+
+@pytest.mark.parametrize("names", [("X", "Y", "Z"), ("Y", "RY", "BY")])
+def test_xyz_and_chroma_are_no_grey(tmp_path: Path, names: tuple[str, ...]) -> None:
+    channels = {name: light()[..., i] for i, name in enumerate(names)}
+    with pytest.raises(ImageFileError, match="R, G, B"):
+        read_hdr(write_parts(tmp_path / "a.exr", [("", channels)]))
 
 
 def test_a_tiffs_profile_and_orientation_are_obeyed(tmp_path: Path) -> None:

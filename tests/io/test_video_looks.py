@@ -159,15 +159,16 @@ def test_the_container_speaks_where_the_frame_is_silent(tmp_path: Path) -> None:
 
 
 def test_a_cover_is_not_the_film() -> None:
-    def stream(disposition: int, known: bool = True) -> SimpleNamespace:
-        return SimpleNamespace(disposition=disposition, codec_context=known or None)
+    def stream(disposition: int, codec: str | None = "h264") -> SimpleNamespace:
+        known = None if codec is None else SimpleNamespace(name=codec)
+        return SimpleNamespace(disposition=disposition, codec_context=known)
 
     cover, thumbnails, second, film, unknown = (
         stream(1024 | 1),
         stream(2048),
         stream(0),
         stream(1),
-        stream(1, known=False),
+        stream(1, codec=None),
     )
 
     def chosen(*streams: SimpleNamespace) -> SimpleNamespace | None:
@@ -176,6 +177,25 @@ def test_a_cover_is_not_the_film() -> None:
     assert chosen(cover, unknown, thumbnails, second, film) is film
     assert chosen(cover, second) is second
     assert chosen(cover) is None
+    track = stream(1, codec="mjpeg")  # a cover as Matroska's tracks are by default
+    assert chosen(track, second) is second
+    assert chosen(track) is track
+
+
+def test_a_cover_that_is_a_track_is_not_the_film(tmp_path: Path) -> None:
+    with av.open(str(tmp_path / "a.mkv"), "w") as container:
+        cover = container.add_stream("mjpeg", rate=1)
+        film = container.add_stream("libx264", rate=30, options={"crf": "2"})
+        tracks = ((cover, "yuvj420p", 255), (film, "yuv420p", 100))
+        for stream, kind, _ in tracks:
+            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, kind
+        for stream, kind, value in tracks:
+            grey = np.full((HEIGHT, WIDTH, 3), value, np.uint8)
+            frame = av.VideoFrame.from_ndarray(grey, format="rgb24").reformat(format=kind)
+            container.mux(stream.encode(frame))
+            container.mux(stream.encode())
+    (photo,) = frames(tmp_path / "a.mkv")
+    assert np.abs(photo.pixels.astype(int) - 100).max() < 4
 
 
 @pytest.mark.parametrize("name", ["take:1.mp4", "http:x.mp4", "concat:a|b.mp4", "50%25 d.mp4"])
@@ -200,6 +220,8 @@ PLAYLISTS = {
     "b.mp4": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n{film}\n#EXT-X-ENDLIST\n",
     "c.mp4": '<?xml version="1.0"?><MPD xmlns="urn:mpeg:dash:schema:mpd:2011"><Period/></MPD>',
     "d.mp4": "{film}\n",
+    "e.mp4": "\ufeff#EXTM3U\n{film}\n",
+    "f.mp4": "ffconcat version 1.0\n# é\nfile {film}\n",
 }
 
 
@@ -208,7 +230,8 @@ def test_lists_of_other_files_are_refused(
     tmp_path: Path, name: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     film(tmp_path / "film.mp4", scene())
-    (tmp_path / name).write_text(PLAYLISTS[name].format(film="film.mp4"))
+    text = PLAYLISTS[name].format(film="film.mp4")
+    (tmp_path / name).write_text(text, "latin-1" if "é" in text else "utf-8")
     with pytest.raises(ImageFileError, match="list of other files") as caught:
         list(frames(tmp_path / name))
     assert "\n" not in str(caught.value)

@@ -83,7 +83,8 @@ def _captured(args: Args, videos: list[Path]) -> Path:
         def show(outcome: Outcome) -> None:
             bar(1)
             if outcome.reason:
-                bar.console.print(f"{outcome.clip.path.name}: {outcome.reason}", markup=False)
+                line = f"{outcome.clip.path.name}: {outcome.reason}"
+                bar.console.print(escape(" ".join(line.split())))
 
         capture(what, progress=show)
     return folder

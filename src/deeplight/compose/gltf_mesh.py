@@ -163,13 +163,11 @@ def _part(
     lengths = {len(values) for values in arrays.values()}
     if len(lengths) != 1:
         raise file.fault(f"attributes of {' and '.join(map(str, sorted(lengths)))} vertices")
-    vertices, normals = arrays["POSITION"].astype(float), arrays.get("NORMAL")
     weights = node.get("weights") or file.item("meshes", node["mesh"]).get("weights") or []
     for weight, target in zip(weights, primitive.get("targets", []), strict=False):
-        if weight and "POSITION" in target:
-            vertices = vertices + float(weight) * file.accessor(target["POSITION"])
-        if weight and "NORMAL" in target and normals is not None:
-            normals = normals + float(weight) * file.accessor(target["NORMAL"])
+        for name in arrays.keys() & target.keys() if weight else ():
+            arrays[name] = _morphed(arrays[name], float(weight), file.accessor(target[name]))
+    vertices, normals = arrays["POSITION"].astype(float), arrays.get("NORMAL")
     if "skin" in node and "JOINTS_0" in arrays:
         vertices, normals = _skinned(vertices, normals, arrays, joints(node["skin"]), file)
     of = looks(primitive.get("material"))
@@ -178,6 +176,15 @@ def _part(
     return MeshPart(
         vertices, faces, _unit(normals), uv, colours, of, of.notes + notes + colour_notes
     )
+
+
+def _morphed(
+    values: Num[np.ndarray, "n width"], weight: float, change: Num[np.ndarray, "n less"]
+) -> Num[np.ndarray, "n width"]:
+    """Add a morph's weighted change; one of colours may leave alpha out."""
+    result = values.astype(float)
+    result[:, : change.shape[1]] += weight * change
+    return result
 
 
 def _arrays(

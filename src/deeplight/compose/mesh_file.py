@@ -4,7 +4,7 @@ import io
 import logging
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ from jaxtyping import Float
 from deeplight.compose import gltf_mesh
 from deeplight.compose.gltf_file import GltfFile
 from deeplight.compose.gltf_look import MaterialLook
+from deeplight.compose.mesh_text import LIBRARY, PLACED, plain_mtl, plain_obj, plain_ply
 from deeplight.compose.textures import Pixels, Textures
 from deeplight.compose.triangles import Finish, Mesh
 from deeplight.errors import ImageFileError, MissingExtraError
@@ -64,41 +65,32 @@ def _of_text(path: Path) -> list[Mesh]:
     """Read an .obj or .ply file with trimesh."""
     import trimesh
 
-    neighbours = _Neighbours(path)
+    suffix = path.suffix.lower().removeprefix(".")
+    content, libraries = _whole(path, suffix)
+    neighbours = _Neighbours(path, libraries)
     with _losses() as lost:
-        suffix = path.suffix.lower().removeprefix(".")
-        content = io.BytesIO(_whole(path, suffix))
-        scene = trimesh.load_scene(content, file_type=suffix, resolver=neighbours, process=False)
+        scene = trimesh.load_scene(
+            io.BytesIO(content), file_type=suffix, resolver=neighbours, process=False
+        )
         if neighbours.fault is not None:
             raise neighbours.fault
         pieces = [
             piece for piece in scene.dump(concatenate=False) if isinstance(piece, trimesh.Trimesh)
         ]
         textures = Textures(path, len(pieces))
-        return [_shaded(_mesh(piece, textures, bool(lost))) for piece in pieces]
+        notes = (PLACED,) if neighbours.has_placed else ()
+        return [_shaded(_mesh(piece, textures, bool(lost), notes)) for piece in pieces]
 
 
-def _whole(path: Path, suffix: str) -> bytes:
+def _whole(path: Path, suffix: str) -> tuple[bytes, list[str]]:
+    """Give what trimesh is to read, and the material files that it names."""
     if path.stat().st_size > MAX_TEXT_BYTES and suffix == "obj":
         got = f"{path} of {path.stat().st_size / 1e6:.0f} MB"
         raise ImageFileError(
             f"an .obj of at most {MAX_TEXT_BYTES / 1e6:.0f} MB", got, "save a .glb"
         )
     content = path.read_bytes()
-    if suffix == "obj":
-        return _unicode(content)
-    head, end, rest = content.partition(b"end_header")  # the rest may be binary
-    return _unicode(head) + end + rest
-
-
-def _unicode(text: bytes) -> bytes:
-    """Give text of unknown encoding as UTF-8: what is not UTF-8 is taken for Latin-1."""
-    if text[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return text.decode("utf-16", "replace").encode()
-    try:
-        return text.decode("utf-8-sig").encode()
-    except UnicodeDecodeError:
-        return text.decode("latin-1").encode()
+    return plain_obj(content) if suffix == "obj" else (plain_ply(content), [])
 
 
 class _Neighbours(Mapping[str, bytes]):
@@ -107,17 +99,32 @@ class _Neighbours(Mapping[str, bytes]):
     trimesh goes on without what it cannot get, so a fault worth refusing is kept here.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, libraries: list[str]) -> None:
         self.path = path
+        self._libraries = libraries
+        self.has_placed = False
         self.fault: ImageFileError | None = None
 
     def __getitem__(self, name: str) -> bytes:
         try:
-            content = neighbour(self.path, name, MAX_TEXTURE_BYTES)
+            if name == LIBRARY:
+                return self._materials()
+            return neighbour(self.path, name, MAX_TEXTURE_BYTES)
         except ImageFileError as error:
             self.fault = error
             raise
-        return _unicode(content) if name.lower().endswith(".mtl") else content
+
+    def _materials(self) -> bytes:
+        found = []
+        for name in self._libraries:
+            with suppress(OSError):
+                found.append(neighbour(self.path, name, MAX_TEXTURE_BYTES))
+        if not found:
+            raise FileNotFoundError(2, "No such file", self._libraries[0])
+        return b"\n".join(plain_mtl(content, self._placed) for content in found)
+
+    def _placed(self) -> None:
+        self.has_placed = True
 
     def get(self, name: str, _default: Any = None) -> Any:
         """Give a file as `[]` does: trimesh expects an error where there is none."""
@@ -157,7 +164,7 @@ def _losses() -> Iterator[list[str]]:
         log.propagate = spread
 
 
-def _mesh(piece: Any, textures: Textures, lost: bool) -> Mesh:
+def _mesh(piece: Any, textures: Textures, lost: bool, notes: tuple[str, ...]) -> Mesh:
     """Convert what trimesh read."""
     finish = _finish(getattr(piece.visual, "material", None), textures)
     if piece.visual.kind == "face":
@@ -169,7 +176,7 @@ def _mesh(piece: Any, textures: Textures, lost: bool) -> Mesh:
         np.asarray(piece.vertex_normals, float) if len(piece.faces) else None,
         None if uv is None else np.asarray(uv, float)[:, :2],
         _colours(piece),
-        replace(finish, lost=finish.lost or lost),
+        replace(finish, lost=finish.lost or lost, notes=notes),
     )
 
 

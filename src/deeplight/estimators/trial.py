@@ -47,12 +47,17 @@ def _refusal(path: Path, _version: tuple[int, int]) -> tuple[str, str, str] | No
         )
     except subprocess.TimeoutExpired:
         return _bad(path, f"takes more than {WALL_S} s")
-    if child.returncode == 0:
+    return verdict(path, child.returncode, child.stdout)
+
+
+def verdict(path: Path, code: int, said: bytes) -> tuple[str, str, str] | None:
+    """Judge a file by how the child that ran `main` ended and what it printed; None if usable."""
+    if code == 0:
         return None
-    said = child.stdout.decode("utf-8", "replace").split("\0")
-    if child.returncode == _REFUSED and len(said) == 3:
-        return said[0], said[1], said[2]
-    if child.returncode in (-24, -9):  # SIGXCPU and what follows it
+    words = said.decode("utf-8", "replace").split("\0")
+    if code == _REFUSED and len(words) == 3:
+        return words[0], words[1], words[2]
+    if code in (-24, -9):  # SIGXCPU and what follows it
         return _bad(path, f"takes more than {CPU_S} s for one photo")
     return _bad(path, "crashes what runs it, or needs too much memory")
 

@@ -105,6 +105,10 @@ def _where() -> str:
 @cache
 def _remove_leftovers(folder: Path) -> None:
     """Remove what killed processes of this machine left in a folder; once for each folder."""
+    _sweep(folder)
+
+
+def _sweep(folder: Path) -> None:
     with contextlib.suppress(OSError):
         for entry in list(os.scandir(folder)):
             found = _LEFTOVER.fullmatch(entry.name) if entry.name.startswith(".") else None
@@ -154,7 +158,8 @@ def only_run(folder: Path) -> Iterator[None]:
 
     The lock lies on the folder itself and leaves no file. Where there are no such locks (Windows,
     some network disks) nothing is refused; files are whole there too, and the same runs write the
-    same bytes. The further processes of a run on several devices (LOCAL_RANK) are let through.
+    same bytes. The further processes of a run on several devices (LOCAL_RANK) are let through. When
+    the block ends by an exception, what its ended workers left half-written is removed.
 
     Raises:
         ConfigError: another process is in the block.
@@ -164,7 +169,12 @@ def only_run(folder: Path) -> Iterator[None]:
         yield
         return
     with results_folder(folder), _locked(folder):
-        yield
+        try:
+            yield
+        except BaseException:  # say a full disk, by which workers were ended while they wrote
+            for parent, _, _ in os.walk(folder):
+                _sweep(Path(parent))
+            raise
 
 
 @contextmanager

@@ -161,6 +161,11 @@ def _looked_up(name: str, space: bytes, opened: ImageCms.ImageCmsProfile) -> Loo
     return None if mode == "RGB" and is_srgb(found.pixels) else found
 
 
+def cie_lab() -> LookUpProfile:
+    """The profile of CIE Lab pictures that have none."""
+    return LookUpProfile("CIE Lab", "LAB", ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")))
+
+
 def bt709_from_icc(profile: bytes) -> Matrix:
     """Linear sRGB colours of a linear picture with this profile; identity if it has no primaries.
 

@@ -121,6 +121,9 @@ def check_size(path: Path, width: int, height: int, max_pixels: int) -> None:
 
 def not_an_image(path: Path, reason: str) -> ImageFileError:
     """Make the error for a file that no decoder takes."""
+    if "Subsampled channels" in reason:
+        got = f"{path} with luminance and chroma of fewer pixels"
+        return ImageFileError("an EXR of red, green and blue", got, "save it as RGB")
     reason = _printable(" ".join(reason.replace(str(path), "the file").split()))[:160]
     got = f"{path}, which cannot be read ({reason})" if reason else f"{path}, which cannot be read"
     return ImageFileError("an image file", got, "check that it is a complete picture")

@@ -16,22 +16,26 @@ from PIL import Image, UnidentifiedImageError
 
 from deeplight.camera_response import encode
 from deeplight.errors import ImageFileError, MissingExtraError
-from deeplight.io.colour import (
-    ADOBE_RGB,
-    HDR_TRANSFERS,
-    ColourSpace,
-    bt709_from_primaries,
-    eight_bit,
-    from_cicp,
-    from_gamma,
-    pixel_table,
-    power_curve,
-)
-from deeplight.io.colour_profile import LookUpProfile, from_icc
+from deeplight.io.colour import eight_bit, pixel_table
+from deeplight.io.colour_profile import LookUpProfile, cie_lab
 from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow
 from deeplight.io.heif_boxes import HeifHeader, read_header
 from deeplight.io.image_file import check_size, damaged, not_an_image, opened
-from deeplight.io.radiance import is_floating_point, orientation_of, read_radiance
+from deeplight.io.photo_colours import (
+    ADOBE,
+    Conversion,
+    colours_of,
+    conversion_of,
+    fitting,
+    is_encoded,
+    notes_on,
+)
+from deeplight.io.radiance import (
+    counts_down,
+    is_floating_point,
+    orientation_of,
+    read_radiance,
+)
 from deeplight.io.raw import develop, is_raw
 
 # Pillow reports damage in errors too; a logger without a handler prints on stderr.
@@ -48,12 +52,8 @@ PNG_START = b"\x89PNG"
 JPEG_START = b"\xff\xd8\xff"
 DECODED_WHEN_OPENED = (b"GIF8", b"\0\0\0\x0cjP  ", b"\xff\x4f\xff\x51")  # GIF, JPEG 2000
 
-ADOBE = ColourSpace("Adobe RGB", bt709_from_primaries(ADOBE_RGB), power_curve(563 / 256))
-
-_UNCALIBRATED = 0xFFFF  # EXIF's ColorSpace where it is not sRGB
+_PHOTOMETRIC, _CIE_LAB = "tiff:PhotometricInterpretation", 8
 _ROWS = 256  # read and converted at once where a picture is not taken as it is
-
-Conversion = ColourSpace | LookUpProfile
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,18 +123,20 @@ def stored_of_pillow(picture: Image.Image, cicp: tuple[int, int] | None = None) 
     """
     exif = exif_of_pillow(picture.getexif)
     profile = picture.info.get("icc_profile")
-    conversion, notes = _colours(cicp, profile)
+    conversion, notes = colours_of(cicp, profile)
     if exif.is_adobe_rgb and not profile and cicp is None:
         conversion = ADOBE
+    if picture.mode == "LAB" and conversion is None:
+        conversion = cie_lab()
     if isinstance(conversion, LookUpProfile) and conversion.mode == picture.mode:
-        return Stored(conversion.picture(picture), exif, _notes(conversion))
+        return Stored(conversion.picture(picture), exif, notes_on(conversion))
     mode = "RGBA" if picture.has_transparency_data else "RGB"
     deep = picture.mode.startswith(("I", "F"))
     values = _sixteen_bit(picture) if deep else np.asarray(picture.convert(mode))
-    conversion, misfit = _fitting(conversion, is_grey=picture.mode in ("1", "L", "LA") or deep)
+    conversion, misfit = fitting(conversion, is_grey=picture.mode in ("1", "L", "LA") or deep)
     alpha = 3 if values.shape[2] == 4 else None
     pixels, see_through = _as_rgb(values, conversion, alpha, straight=True)
-    return Stored(pixels, exif, (*notes, *misfit, *_notes(conversion, see_through)))
+    return Stored(pixels, exif, (*notes, *misfit, *notes_on(conversion, see_through)))
 
 
 def check_with_pillow(path: Path, start: bytes) -> dict[Any, Any]:
@@ -168,17 +170,20 @@ def check_with_pillow(path: Path, start: bytes) -> dict[Any, Any]:
 def _decode(path: Path, start: bytes) -> Stored:
     facts = check_with_pillow(path, start)
     with opened(path, MAX_PHOTO_PIXELS) as file:
-        if is_floating_point(file):
+        if is_floating_point(file) and not start.startswith(JPEG_START) and not is_encoded(file):
             pixels = _encode_radiance(read_radiance(file, path, MAX_PHOTO_PIXELS))
             exif = replace(_exif(file.spec()), orientation=orientation_of(file, path))
             return Stored(pixels, exif, ("scene-linear file: 1.0 taken as white",))
-        conversion, notes = _conversion(file.spec(), facts, path)
-        if isinstance(conversion, LookUpProfile) and conversion.mode in ("CMYK", "LAB"):
+        conversion, notes = conversion_of(file.spec(), facts, path)
+        of_inks = isinstance(conversion, LookUpProfile) and conversion.mode in ("CMYK", "LAB")
+        # A JPEG with a gain map, which is left out: the photo is what every viewer shows.
+        has_gain_map = is_floating_point(file) and start.startswith(JPEG_START)
+        if of_inks or has_gain_map or file.spec().get_int_attribute(_PHOTOMETRIC) == _CIE_LAB:
             with Image.open(path) as picture:
                 return stored_of_pillow(picture)
-        conversion, misfit = _fitting(conversion, is_grey=file.spec().nchannels < 3)
+        conversion, misfit = fitting(conversion, is_grey=file.spec().nchannels < 3)
         pixels, see_through = _read(file, path, conversion)
-        notes = (*notes, *misfit, *_notes(conversion, see_through))
+        notes = (*notes, *misfit, *notes_on(conversion, see_through))
         return Stored(pixels, _exif(file.spec()), notes)
 
 
@@ -195,6 +200,7 @@ def _read(
     # GIF's alpha is all or nothing and its hidden colours are not black, which nothing states.
     straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha")) or file.format_name() == "gif"
     plain = conversion is None and alpha is None
+    is_negative = counts_down(spec)
     rows = spec.height if plain or spec.tile_width else _ROWS
     result = np.empty((0, spec.width, 3), np.uint8)
     any_seen_through = False
@@ -207,6 +213,8 @@ def _read(
         if values is None or file.has_error:
             raise damaged(path, file.geterror())
         values = values.reshape(end - top, spec.width, -1)
+        if is_negative:
+            values = np.iinfo(values.dtype).max - values
         pixels, see_through = _as_rgb(values, conversion, alpha, straight)
         any_seen_through |= see_through
         if rows == spec.height:
@@ -235,69 +243,6 @@ def _as_rgb(
     colour = rgb * share if straight else rgb * np.uint32(255)
     mixed = (colour + MID_GREY * (255 - share) + 127) // 255
     return np.minimum(mixed, 255).astype(np.uint8), True
-
-
-def _conversion(
-    spec: oiio.ImageSpec, facts: dict[Any, Any], path: Path
-) -> tuple[Conversion | None, tuple[str, ...]]:
-    """What the colours need, by PNG's order: code points, profile, gamma; then EXIF's."""
-    cicp = spec.getattribute("CICP")
-    if cicp is not None:
-        return from_cicp(int(cicp[0]), int(cicp[1])), ()
-    profile = spec.getattribute("ICCProfile")
-    if profile is not None:
-        return _colours(None, np.asarray(profile, np.uint8).tobytes())
-    if "gamma" in facts and "srgb" not in facts:
-        return from_gamma(float(facts["gamma"]), *_chromaticities(facts)), ()
-    if spec.get_int_attribute("Exif:ColorSpace") == _UNCALIBRATED:
-        with Image.open(path) as picture:  # OpenImageIO leaves this entry out
-            return (ADOBE if exif_of_pillow(picture.getexif).is_adobe_rgb else None), ()
-    return None, ()
-
-
-def _chromaticities(facts: dict[Any, Any]) -> tuple[tuple[float, ...], ...]:
-    """PNG's cHRM as `io.colour` orders it, or nothing; Pillow has white first."""
-    found = facts.get("chromaticity")
-    return ((*found[2:8], *found[:2]),) if found else ()
-
-
-def _colours(
-    cicp: tuple[int, int] | None, profile: bytes | None
-) -> tuple[Conversion | None, tuple[str, ...]]:
-    """What code points and an ICC profile ask for: the profile, but for HDR, which it cannot say.
-
-    Encoders that are given a profile leave the code points at any default.
-    """
-    space = from_cicp(*cicp) if cicp else None
-    if not profile or (space and space.is_radiance):
-        return space, ()
-    try:
-        return from_icc(profile), ()
-    except ValueError:
-        return None, ("damaged colour profile: read as sRGB",)
-
-
-def _fitting(
-    conversion: Conversion | None, is_grey: bool
-) -> tuple[Conversion | None, tuple[str, ...]]:
-    """The conversion if it is for RGB or grey, as the picture is; else none and a note."""
-    modes = ("RGB", "L") if is_grey else ("RGB",)
-    if not isinstance(conversion, LookUpProfile) or conversion.mode in modes:
-        return conversion, ()
-    return None, (f"colour profile '{conversion.name}' does not fit the picture: read as sRGB",)
-
-
-def _notes(conversion: Conversion | None, see_through: bool = False) -> tuple[str, ...]:
-    notes = ("transparent parts taken as mid-grey",) if see_through else ()
-    if conversion is None:
-        return notes
-    if any(name in conversion.name.split() for name in HDR_TRANSFERS.values()):
-        said = f"{conversion.name} picture, brought to SDR: reference white is 1.0"
-    elif conversion.is_radiance:
-        said = "linear picture: 1.0 taken as white"
-    else:
-        said = f"{conversion.name} converted to sRGB"
-    return (said, *notes)
 
 
 def _sixteen_bit(picture: Image.Image) -> Shaped[np.ndarray, "height width 1"]:
@@ -353,8 +298,8 @@ def _decode_heic(path: Path, header: HeifHeader) -> Stored:
     picture: Any = opened[opened.primary_index]
     width, height = picture.size
     check_size(path, width, height, MAX_PHOTO_PIXELS)
-    conversion, notes = _colours(header.cicp, picture.info.get("icc_profile"))
-    conversion, misfit = _fitting(conversion, is_grey=picture.mode.startswith("L"))
+    conversion, notes = colours_of(header.cicp, picture.info.get("icc_profile"))
+    conversion, misfit = fitting(conversion, is_grey=picture.mode.startswith("L"))
     exif = exif_of_pillow(lambda: exif_of_bytes(picture.info.get("exif")))
     if header.is_turned:  # and the decoder has obeyed
         exif = replace(exif, orientation=1)
@@ -365,4 +310,4 @@ def _decode_heic(path: Path, header: HeifHeader) -> Stored:
     values = values[:, :width]
     alpha = values.shape[2] - 1 if values.shape[2] in (2, 4) else None
     pixels, see_through = _as_rgb(values, conversion, alpha, straight=True)
-    return Stored(pixels, exif, (*notes, *misfit, *_notes(conversion, see_through)))
+    return Stored(pixels, exif, (*notes, *misfit, *notes_on(conversion, see_through)))

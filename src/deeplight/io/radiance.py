@@ -32,13 +32,15 @@ MAX_HDR_PIXELS = 16_384 * 8_192
 """Largest panorama that is read: "16k", which takes 1.6 GB."""
 
 FLOATING_POINT = ("half", "float", "double")
-NAMED_SPACES = {  # of OpenEXR's attribute colorInteropID, by the Color Interop Forum
+NAMED_SPACES = {  # of colorInteropID, by the Color Interop Forum, and names of other programs
     "lin_ap0_scene": ACES_AP0,
     "lin_ap1_scene": ACES_AP1,
     "lin_adobergb_scene": ADOBE_RGB,
     "lin_ciexyzd65_scene": CIE_XYZ_D65,
     "lin_p3d65_scene": DISPLAY_P3,
     "lin_rec2020_scene": BT2020,
+    "aces2065-1": ACES_AP0,
+    "acescg": ACES_AP1,
 }
 NO_METADATA: Mapping[str, str | int | float] = MappingProxyType({})
 
@@ -81,6 +83,12 @@ def is_floating_point(file: oiio.ImageInput) -> bool:
     return str(file.spec().format) in FLOATING_POINT
 
 
+def counts_down(spec: oiio.ImageSpec) -> bool:
+    """Whether 0 is white and nobody has turned it round; OpenImageIO does so with 8 bits alone."""
+    white_is_zero = spec.get_int_attribute("tiff:PhotometricInterpretation", 1) == 0
+    return white_is_zero and spec.nchannels == 1 and str(spec.format) != "uint8"
+
+
 def orientation_of(file: oiio.ImageInput, path: Path) -> int:
     """EXIF's number for how the stored rows of an opened file are turned upright."""
     if file.format_name() == "hdr":  # of which OpenImageIO swaps two
@@ -104,6 +112,8 @@ def read_radiance(
     if pixels is None or file.has_error:
         raise damaged(path, file.geterror())
     radiance = pixels.reshape(pixels.shape[0], pixels.shape[1], -1)
+    if counts_down(spec):
+        radiance = 1 - radiance
     picked = [channel - first for channel in channels]
     if picked != list(range(radiance.shape[2])):
         radiance = np.ascontiguousarray(radiance[..., picked])
@@ -144,14 +154,21 @@ def _in_srgb(
         matrix = _matrix(known) / np.array(header.gain)
     elif file.format_name() == "openexr":
         known = file.spec().getattribute("chromaticities")
-        named = NAMED_SPACES.get(file.spec().get_string_attribute("colorInteropID"))
-        matrix = _matrix(tuple(known) if known is not None else named)
+        matrix = _matrix(tuple(known) if known is not None else _named_space(file.spec()))
     elif (profile := file.spec().getattribute("ICCProfile")) is not None:
         with suppress(ValueError):  # a damaged profile does not make light unreadable
             matrix = bt709_from_icc(np.asarray(profile, np.uint8).tobytes())
     if np.abs(matrix - np.eye(3)).max() < 2e-3:  # primaries of three digits
         return radiance
     return radiance @ matrix.T.astype(np.float32)
+
+
+def _named_space(spec: oiio.ImageSpec) -> tuple[float, ...] | None:
+    """The primaries of a space that an EXR calls by its name."""
+    names = (spec.get_string_attribute(key) for key in ("colorInteropID", "oiio:ColorSpace"))
+    return next(
+        (NAMED_SPACES[name.lower()] for name in names if name.lower() in NAMED_SPACES), None
+    )
 
 
 def _matrix(chromaticities: tuple[float, ...] | None) -> Matrix:

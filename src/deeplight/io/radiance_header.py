@@ -53,7 +53,7 @@ def read_radiance_header(path: Path) -> RadianceHeader:
     head, _, rest = text.replace("\r\n", "\n").partition("\n\n")
     gain, primaries, is_xyz = np.ones(3), None, False
     for line in head.split("\n"):
-        name, _, value = line.strip().partition("=")
+        name, _, value = line.partition("=")  # behind a tab is the header of what it was made of
         numbers = _numbers(value)
         if name == "EXPOSURE" and len(numbers) == 1 and numbers[0] > 0:
             gain = gain * numbers[0]

@@ -100,11 +100,11 @@ def _layers(part: int, part_name: str, names: tuple[str, ...]) -> list[Layer]:
 
 
 def _grey(part: int, part_name: str, names: tuple[str, ...]) -> list[Layer]:
-    has_chroma = "RY" in names or "BY" in names
+    is_no_grey = bool({"RY", "BY", "X", "Z"} & set(names))  # chroma, or CIE XYZ, or places
     return [
         Layer(part, part_name, "", (index,) * 3)
         for index, name in enumerate(names)
-        if (name == "Y" and not has_chroma) or len(names) == 1
+        if (name == "Y" and not is_no_grey) or len(names) == 1
     ]
 
 

@@ -33,6 +33,9 @@ PLAYABLE = (
 """FFmpeg's readers of films. Its others read lists of files (ffconcat, HLS, DASH, numbered
 pictures): a "film" that opens what lies next to it, or an address."""
 
+_OF_PICTURES = frozenset("bmp gif jpeg2000 jpegls mjpeg png tiff webp".split())
+"""Codecs of still pictures: such a stream is the film only where there is no other."""
+
 _DEFAULT, _PICTURES = 1, 1024 | 2048  # FFmpeg's AV_DISPOSITION: default; cover, thumbnails
 _TIMED_PACKETS = 900  # how far `facts` looks for an uneven frame rate
 
@@ -252,8 +255,10 @@ def _film_of(container: "av.container.InputContainer") -> "av.VideoStream | None
         for stream in container.streams.video
         if stream.codec_context is not None and not int(stream.disposition) & _PICTURES
     ]
-    preferred = [stream for stream in films if int(stream.disposition) & _DEFAULT]
-    return next(iter(preferred + films), None)
+    # A picture may lie there as a track like any other, in Matroska even marked as the default.
+    films.sort(key=lambda stream: not int(stream.disposition) & _DEFAULT)
+    films.sort(key=lambda stream: stream.codec_context.name in _OF_PICTURES)
+    return next(iter(films), None)
 
 
 def _check_header(path: Path, stream: "av.VideoStream") -> None:
@@ -264,10 +269,10 @@ def _check_header(path: Path, stream: "av.VideoStream") -> None:
 
 
 def _is_text(start: bytes) -> bool:
-    try:
-        return start.decode("utf-8", "strict").replace("\n", "").replace("\r", "").isprintable()
-    except UnicodeDecodeError as error:
-        return error.start > len(start) - 4 and _is_text(start[: error.start])
+    """Text in any encoding: films have control characters within their first bytes."""
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return True
+    return not any(byte < 9 or 13 < byte < 32 for byte in start)
 
 
 def _decoded(film: _Film, path: Path) -> Iterator["av.VideoFrame"]:
