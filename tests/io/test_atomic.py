@@ -179,6 +179,22 @@ def test_a_second_run_into_a_folder_is_refused_while_one_goes(tmp_path: Path) ->
     assert [path.name for path in tmp_path.rglob("*")] == ["a", "result"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="needs process ids that can be asked")
+def test_a_run_that_fails_removes_what_its_ended_workers_left(tmp_path: Path) -> None:
+    folder = tmp_path / "out" / "reports"
+    folder.mkdir(parents=True)
+    of_dead, of_living = (
+        folder / f".a.dl-{atomic._where()}-{process:x}-0badcafe.png"
+        for process in (2**22 + 1, os.getpid())
+    )
+    write(folder / "whole.png", b"x" * 9 + b"IEND\xaeB`\x82")  # what is there has been looked at
+    for left in (of_dead, of_living):
+        left.write_text("half")
+    with pytest.raises(OSError, match="full"), only_run(tmp_path / "out"):
+        raise OSError("full")
+    assert sorted(path.name for path in folder.iterdir()) == [of_living.name, "whole.png"]
+
+
 def write_video(path: Path, noise: np.ndarray) -> None:
     pixels = (noise[:, :100] * 255).astype(np.uint8)  # rows that are no multiple of 64
     with VideoWriter(path, 100, 64, 30) as video:
