@@ -68,6 +68,8 @@ def run(args: Args) -> None:
 
 def _captured(args: Args, videos: list[Path]) -> Path:
     """The data set that the videos become."""
+    from rich.markup import escape
+
     from deeplight.capture.catalogue import find_clips
     from deeplight.capture.clip import CaptureSettings
     from deeplight.capture.run import Outcome, capture, plan
