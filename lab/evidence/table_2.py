@@ -1,15 +1,16 @@
 """Table 2: our landscape network against the rivals of section 4.3, trained on the same places.
 
-    python -m lab.evidence.table_2 HDRI DATA OUT --imagenet WEIGHTS.npz [--steps 2000]
+    python -m lab.evidence.table_2 HDRI DATA OUT --start landscape.onnx --model landscape.onnx
 
 Trains Gardner 2017 on views of HDRI's indoor training panoramas and Hold-Geoffroy 2017 on those of
 the outdoor ones, as in the paper, lets them answer DATA's test split, fuses a front and a rear view
 of each example (Cheng 2018's setting), and writes the reports of `deeplight evaluate` to OUT/indoor
 and OUT/outdoor: means, standard deviations, paired intervals over places, box plots of radiance and
 the comparison figure. OUT/rivals.md has the tables that docs/rivals.md shows. A trained rival in
-OUT is used again, and a training that was killed goes on.
+OUT is used again, a training that was killed goes on, and answers that are there are not made anew.
 """
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,8 @@ from pathlib import Path
 import numpy as np
 import tyro
 
-from deeplight.cli.screen import progress_bar
+from deeplight.cli.main import run_command
+from deeplight.cli.screen import progress_bar, results_console
 from deeplight.dataset import DataSet, open_dataset
 from deeplight.estimators.open import open_model
 from deeplight.evaluate.bootstrap import PlaceBootstrap
@@ -37,11 +39,15 @@ from deeplight.simulate.panorama import load, places_in
 from lab.evidence.opposite_views import NAME as OPPOSITE
 from lab.evidence.opposite_views import write_opposite_views
 
-SCENES = {"indoor": "gardner_2017-ours", "outdoor": "hold_geoffroy_2017-ours"}
+SCENES = {"indoor": "gardner_2017", "outdoor": "hold_geoffroy_2017"}
 FILTER_EPOCHS = 30
 """Of Gardner's filter at the end of training: a half-width of 7 degrees, two to three texels."""
 MEASURES = {"l1_diffuse": 3, "l1_matte_silver": 3, "l1_mirror": 3, "theta_rgb_deg": 1}
 """Columns, and their digits."""
+HEAD = (
+    "| main light | off | azimuth off | under 45° "
+    "| of another photo: off | azimuth off | under 45° |"
+)
 
 
 @dataclass(frozen=True)
@@ -58,10 +64,14 @@ class Args:
     """Of each rival's training."""
     minutes: float = 0.0
     """Each training ends after them, and the best step so far is kept; 0: never."""
-    views: int = 40
-    """Of each panorama, at random azimuths."""
-    imagenet: Path | None = None
-    """Folded MobileNetV2 weights (.npz), which the rivals' encoders start from."""
+    views: int = 0
+    """Of each panorama, at random azimuths; 0: as many as the preset says."""
+    start: Path | None = None
+    """What the rivals' encoders start from: ImageNet's MobileNetV2 (.npz), or a network of ours."""
+    published: bool = False
+    """Each rival once more with its paper's own encoder, which starts from nothing."""
+    published_width: float = 1.0
+    """Channels of that, as a share of the paper's."""
     examples: int | None = None
     """Measure only this number of examples of each kind of scene, evenly spread."""
     model: str = ""
@@ -74,15 +84,16 @@ def pairs_in(args: Args, split: str, scene: str, views: ViewPlan) -> list[Pair]:
     return all_pairs([load(place) for place in places if not place.synthetic_ground], views)
 
 
-def trained(scene: str, args: Args) -> Rival:
+def trained(scene: str, preset: str, args: Args) -> Rival:
     """The rival in OUT, or a new one; a training that was killed goes on."""
-    preset = SCENES[scene]
     path = args.out / f"{preset}.safetensors"
     if path.is_file():
         return load_rival(path)
     config, epoch = PRESETS[preset], max(1, args.steps // FILTER_EPOCHS)
-    views = replace(config.views, per_panorama=args.views)
+    views = replace(config.views, per_panorama=args.views or config.views.per_panorama)
     config = replace(config, views=views, steps=args.steps, epoch_steps=epoch)
+    if config.encoder == "published":
+        config = replace(config, width=args.published_width)
     pairs, held_out = (pairs_in(args, split, scene, views) for split in ("train", "val"))
     path.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(f"{preset}: {len(pairs)} views", args.steps) as bar:
@@ -90,7 +101,7 @@ def trained(scene: str, args: Args) -> Rival:
             config,
             pairs,
             held_out,
-            args.imagenet,
+            args.start,
             path.with_suffix(".checkpoint"),
             lambda step, loss: bar(),
             args.minutes,
@@ -99,34 +110,41 @@ def trained(scene: str, args: Args) -> Rival:
     return rival
 
 
-def answered(rival: Rival, data: DataSet, split: str, args: Args) -> list[str]:
-    """Folders of the answers of a rival and of two opposite views, as `--panoramas` takes them."""
+def name_of(rival: Rival) -> str:
+    """What tables call it."""
+    name = rival.config.name
+    return f"{name}_as_published" if rival.config.encoder == "published" else name
+
+
+def answered(rivals: Sequence[Rival], data: DataSet, split: str, args: Args) -> list[str]:
+    """Folders of the answers of rivals and of two opposite views, as `--panoramas` takes them."""
     index = data.index(split)
     numbers = examples_to_measure(index, [], args.examples).tolist()
-    name, found = rival.config.name, []
-    for method in (name, OPPOSITE):
+    by_name, found = {name_of(rival): rival for rival in rivals}, []
+    for method in (*by_name, OPPOSITE):
         folder = args.out / f"{split}-{method}"
         missing = [n for n in numbers if not (folder / f"{index.keys[n]}.exr").is_file()]
         with progress_bar(f"{split}: answers of {method}", len(missing)) as bar:
             if method == OPPOSITE:
                 write_opposite_views(index, missing, args.hdri, open_model(), folder, bar)
             else:
-                write_answers(rival, index, missing, folder, bar)
+                write_answers(by_name[method], index, missing, folder, bar)
         found.append(f"{method}={folder}")
     return found
 
 
-def measured(scene: str, args: Args) -> tuple[Rival, SplitResult]:
+def measured(scene: str, args: Args) -> tuple[list[Rival], SplitResult]:
     """One kind of scene: its report in OUT, and the numbers."""
     data, split = open_dataset(args.data), f"unseen_{scene}"
-    rival = trained(scene, args)
-    panoramas = answered(rival, data, split, args)
+    presets = [f"{SCENES[scene]}-ours", *([SCENES[scene]] if args.published else [])]
+    rivals = [trained(scene, preset, args) for preset in presets]
+    panoramas = answered(rivals, data, split, args)
     models = [f"landscape={args.model}"] if args.model else []
     wanted = Wanted(data, (split,), models, panoramas, args.examples, with_photo=False)
     with progress_bar(f"{split}: measuring") as bar:
         found = evaluation(wanted, progress=bar)
     write_files(args.out / scene, found.results, data, found.models)
-    return rival, found.results[0]
+    return rivals, found.results[0]
 
 
 def table(scene: str, result: SplitResult) -> list[str]:
@@ -187,28 +205,25 @@ def history(rivals: Sequence[Rival]) -> list[str]:
         steps = int(rival.history[-1][0])
         samples = steps * rival.config.batch_size
         lines.append(
-            f"| {rival.config.name} | {steps} | {samples:,} | {kept[0]:.0f} "
+            f"| {name_of(rival)} | {steps} | {samples:,} | {kept[0]:.0f} "
             f"| {kept[1]:.2f}, {kept[2]:.2f} |"
         )
     return lines
 
 
-def main(args: Args) -> int:
+def run(args: Args) -> None:
     both = {scene: measured(scene, args) for scene in SCENES}
-    lines = history([rival for rival, _ in both.values()])
-    lines += [
-        "",
-        "| main light | off | azimuth off | under 45° | to others: off | azimuth off | under 45° |",
-    ]
-    lines += ["|---|---|---|---|---|---|---|"]
-    lines += [lights_found(rival.config.name, result) for rival, result in both.values()]
+    lines = history([rival for rivals, _ in both.values() for rival in rivals])
+    lines += ["", HEAD, "|---|---|---|---|---|---|---|"]
+    for rivals, result in both.values():
+        names = [name_of(rival) for rival in rivals]
+        lines += [lights_found(name, result) for name in (*names, result.methods[0])]
     for scene, (_, result) in both.items():
         lines += ["", *table(scene, result)]
     with replacing(args.out / "rivals.md") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print("\n".join(lines))
-    return 0
+    results_console().print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(tyro.cli(Args)))
+    sys.exit(run_command("python -m lab.evidence.table_2", sys.modules[__name__], sys.argv[1:]))

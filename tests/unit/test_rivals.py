@@ -1,24 +1,28 @@
 """The rivals of section 4.3: made-up skies come back, and each learns eight examples by heart."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
 
 from deeplight.camera_response import LUMINANCE
 from deeplight.dataset import open_dataset
 from deeplight.errors import ConfigError, ModelError
+from deeplight.estimators.onnx import shipped_model
 from deeplight.evaluate.panorama_estimates import panorama_estimates
 from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
 from deeplight.evaluate.rivals.crops import HEIGHT, Pair, ViewPlan, all_pairs
 from deeplight.evaluate.rivals.predict import write_answers
-from deeplight.evaluate.rivals.rival import PRESETS, inputs_of, load_rival, smaller
+from deeplight.evaluate.rivals.rival import PRESETS, RivalConfig, inputs_of, load_rival
 from deeplight.evaluate.rivals.sky import Sky, brightest_region, fitted_sky, sky_radiance
-from deeplight.evaluate.rivals.training import Lessons, train_rival
+from deeplight.evaluate.rivals.training import Lessons, read_features, train_rival
 from deeplight.frames import normalised, rotation, turned
 from deeplight.mappings import latlong
+from deeplight.training.model_file import load_network
 from deeplight.training.network.imagenet import named_convolutions
 from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder
 from toy_data import write_toy_data
@@ -157,13 +161,20 @@ def test_a_views_sky_is_its_places_turned_and_in_the_cameras_unit(pairs: list[Pa
 # -- the networks ----------------------------------------------------------------------------------
 
 
+def smaller(config: RivalConfig, width: float, photo_size: tuple[int, int]) -> RivalConfig:
+    """The same rival with fewer channels and smaller photos."""
+    height, across = photo_size
+    views = replace(config.views, height=height, width=across)
+    return replace(config, width=width, photo_size=photo_size, views=views)
+
+
 def test_as_published_they_have_the_papers_sizes() -> None:
     gardner = gardner_2017.Gardner2017()
     colours, intensity = gardner(torch.zeros(2, 3, 192, 256))
     assert colours.shape == (2, 3, 32, 64)
     assert intensity.shape == (2, 1, 32, 64)
-    assert gardner.latent[0].in_features == 12_288
-    assert gardner.latent[0].out_features == 1024
+    assert gardner.latent[1].in_features == 12_288
+    assert gardner.latent[1].out_features == 1024
     hold = hold_geoffroy_2017.HoldGeoffroy2017()
     assert 43e6 < sum(p.numel() for p in hold.parameters()) < 47e6
     bins, parameters = hold(torch.zeros(2, 3, 240, 320))
@@ -268,15 +279,35 @@ def test_frozen_blocks_run_once_and_give_what_the_whole_network_gives(
     name: str, tmp_path: Path, pairs: list[Pair]
 ) -> None:
     config = smaller(replace(PRESETS[name], steps=2, batch_size=4), 0.1, (48, 64))
-    rival = train_rival(config, pairs[:5], imagenet=small_start(tmp_path / "w.npz"))
+    checkpoint = tmp_path / "rival.checkpoint"
+    start = small_start(tmp_path / "w.npz")
+    rival = train_rival(config, pairs[:5], start=start, checkpoint=checkpoint)
     lessons = Lessons(rival, pairs[:5], mirrored=True)
     assert lessons.features is not None
     whole = rival.network(inputs_of([pairs[2].photo, pairs[2].mirror().photo], (48, 64)))
     for ours, theirs in zip(lessons.answer(np.array([2, 7])), whole, strict=True):
         torch.testing.assert_close(ours, theirs, atol=5e-3, rtol=5e-3)
     assert not torch.allclose(whole[0][0], whole[0][1], atol=5e-3)  # the twin
-    with pytest.raises(ConfigError, match="ImageNet"):
+    (kept,) = tmp_path.glob("features-*.safetensors")
+    torch.testing.assert_close(read_features(kept), lessons.features)
+    save_file({"features": 0 * lessons.features}, kept)  # used, not made again
+    assert float(Lessons(rival, pairs[:5], True, tmp_path).features.abs().max()) == 0
+    assert float(Lessons(rival, pairs[:4], True, tmp_path).features.abs().max()) > 0  # others
+    kept.write_bytes(b"nothing")
+    with pytest.raises(ModelError, match="features"):
+        train_rival(config, pairs[:5], start=start, checkpoint=checkpoint)
+    with pytest.raises(ConfigError, match="--start"):
         train_rival(config, pairs[:5])
+
+
+def test_a_rival_can_start_from_the_encoder_of_a_network_of_ours(pairs: list[Pair]) -> None:
+    """And keeps it, since its blocks are frozen."""
+    config = smaller(PRESETS["hold_geoffroy_2017-ours"], 0.02, (48, 64))
+    config = replace(config, steps=1, batch_size=4)
+    rival = train_rival(config, pairs[:4], start=shipped_model())
+    ours = load_network(shipped_model())[0].encoder.state_dict()
+    for name, weights in rival.network.encoder.state_dict().items():
+        torch.testing.assert_close(weights, ours[name], rtol=0, atol=0)
 
 
 def test_a_killed_training_goes_on_to_the_same_rival(
@@ -296,6 +327,12 @@ def test_a_killed_training_goes_on_to_the_same_rival(
         train_rival(config, pairs[:6], held_out, checkpoint=checkpoint, progress=killed)
     with pytest.raises(ConfigError, match="checkpoint of these settings"):
         train_rival(replace(config, steps=9), pairs[:6], held_out, checkpoint=checkpoint)
+    whole_file = checkpoint.read_bytes()
+    for damaged in (b"nothing", whole_file[: len(whole_file) // 2], pickle.dumps(replace)):
+        checkpoint.write_bytes(damaged)
+        with pytest.raises(ModelError, match=r"checkpoint of a rival's training.*remove it"):
+            train_rival(config, pairs[:6], held_out, checkpoint=checkpoint)
+    checkpoint.write_bytes(whole_file)
     again = train_rival(config, pairs[:6], held_out, checkpoint=checkpoint)
     assert again.history == whole.history
     for name, weights in whole.network.state_dict().items():

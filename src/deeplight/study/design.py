@@ -132,7 +132,8 @@ def make_study(study: Study, out: Path) -> dict[str, Any]:
     possible = len(files) * len(study.methods) * (len(study.methods) - 1) // 2
     if study.session.pairs > possible:
         got = f"{possible} of {len(files)} scenes and {len(study.methods)} methods"
-        raise ConfigError(f"{study.session.pairs} different pairs", got, "lower --session.pairs")
+        do = f"say --session.pairs {possible}, or give pictures of more scenes"
+        raise ConfigError(f"{study.session.pairs} different pairs for each person", got, do)
     conditions = _codes("c", list(study.methods), study.seed)
     codes = _codes("s", list(files), study.seed + 1)
     identity = _identity(study, files)

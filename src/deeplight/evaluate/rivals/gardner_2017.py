@@ -74,6 +74,7 @@ class Gardner2017(nn.Module):
         encoder: the paper's, or our MobileNetV2 for a comparison of everything but that.
         width: channels as a share of the paper's (not of our encoder).
         frozen: blocks of our encoder that keep their weights.
+        dropout: part of the features, and of the dense layer's answers, left out while it learns.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class Gardner2017(nn.Module):
         encoder: Encoder = "published",
         width: float = 1.0,
         frozen: int = 0,
+        dropout: float = 0.0,
     ) -> None:
         super().__init__()
         self.photo_size = photo_size
@@ -92,7 +94,7 @@ class Gardner2017(nn.Module):
         )
         features = feature_count(self.encoder, photo_size)
         latent = _scaled(1024, width)
-        self.latent = nn.Sequential(nn.Linear(features, latent), nn.BatchNorm1d(latent), nn.ELU())
+        self.latent = dense(features, latent, dropout)
         mask = [_scaled(c, width) for c in (256, 256, 128, 96, 64)]
         colour = [_scaled(c, width) for c in (192, 192, 128, 64, 32)]
         self.intensity = _head(latent, mask, 1)
@@ -109,6 +111,17 @@ class Gardner2017(nn.Module):
         latent = self.latent(features.flatten(1))
         colours = (torch.tanh(self.colour(latent)) + 1) / 2
         return colours, F.softplus(self.intensity(latent))
+
+
+def dense(features: int, latent: int, dropout: float) -> nn.Sequential:
+    """The dense layer under the heads, with its norm."""
+    return nn.Sequential(
+        nn.Dropout(dropout),
+        nn.Linear(features, latent),
+        nn.BatchNorm1d(latent),
+        nn.ELU(),
+        nn.Dropout(dropout),
+    )
 
 
 @torch.no_grad()

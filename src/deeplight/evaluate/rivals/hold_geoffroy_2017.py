@@ -20,7 +20,7 @@ from torch.nn import functional as F
 
 from deeplight.camera_response import LUMINANCE
 from deeplight.evaluate.rivals.crops import Pair
-from deeplight.evaluate.rivals.gardner_2017 import Encoder, feature_count
+from deeplight.evaluate.rivals.gardner_2017 import Encoder, dense, feature_count
 from deeplight.evaluate.rivals.sky import Sky, fitted_sky
 from deeplight.frames import rotation
 from deeplight.mappings import resample
@@ -41,6 +41,7 @@ class HoldGeoffroy2017(nn.Module):
         encoder: the paper's convolutions, or our MobileNetV2 in their place.
         width: channels as a share of the paper's (not of our encoder).
         frozen: blocks of our encoder that keep their weights.
+        dropout: part of the features, and of the dense layer's answers, left out while it learns.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class HoldGeoffroy2017(nn.Module):
         encoder: Encoder = "published",
         width: float = 1.0,
         frozen: int = 0,
+        dropout: float = 0.0,
     ) -> None:
         super().__init__()
         self.photo_size = photo_size
@@ -59,7 +61,7 @@ class HoldGeoffroy2017(nn.Module):
         )
         count = feature_count(self.encoder, photo_size)
         latent = max(16, round(2048 * width))
-        self.latent = nn.Sequential(nn.Linear(count, latent), nn.BatchNorm1d(latent), nn.ELU())
+        self.latent = dense(count, latent, dropout)
         self.sun = nn.Linear(latent, ELEVATIONS * AZIMUTHS)
         self.parameters_head = nn.Linear(latent, len(PARAMETERS))
 

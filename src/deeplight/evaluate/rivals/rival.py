@@ -30,10 +30,12 @@ class RivalConfig:
     Attributes:
         name: which.
         photo_size: height and width of its photos.
-        encoder: the paper's, or ours, which starts from ImageNet weights.
+        encoder: the paper's, or ours, which starts from trained weights.
         width: channels as a share of the paper's.
-        frozen_blocks: of our encoder; they keep the ImageNet weights and run once for all steps.
-        learning_rate, batch_size: of Adam.
+        frozen_blocks: of our encoder; they keep the weights they started from and run once for all
+            steps.
+        dropout: part of the features, and of the dense layer's answers, left out of a step.
+        learning_rate, batch_size, weight_decay: of Adam (AdamW where weights decay).
         steps: of training.
         epoch_steps: what Gardner's filter counts as one epoch; 0 is the number of pairs.
         views: what is seen of each panorama.
@@ -53,16 +55,19 @@ class RivalConfig:
     epoch_steps: int = 0
     seed: int = 0
     frozen_blocks: int = 0
+    dropout: float = 0.0
+    weight_decay: float = 0.0
     mirrored: bool = False
     cosine: bool = False
 
 
-_LANDSCAPE = ViewPlan(135, 101, per_panorama=40, elevation_deg=30)
+_LANDSCAPE = ViewPlan(135, 101, per_panorama=48, elevation_deg=30)
 """Of the detail that a data set's middle has (see `preprocess.landscape_background`)."""
 _OURS: dict[str, Any] = {
     "encoder": "ours",
-    "width": 0.35,
-    "frozen_blocks": 10,
+    "frozen_blocks": 16,
+    "dropout": 0.5,
+    "weight_decay": 0.3,
     "mirrored": True,
     "cosine": True,
 }
@@ -78,9 +83,17 @@ PRESETS = {
         128,
         ViewPlan(320, 240, per_panorama=7, elevation_deg=20, fov_deg=(35.0, 68.0)),
     ),
-    "gardner_2017-ours": RivalConfig("gardner_2017", (144, 192), 0.001, 32, _LANDSCAPE, **_OURS),
+    "gardner_2017-ours": RivalConfig(
+        "gardner_2017",
+        (144, 192),
+        0.001,
+        64,
+        replace(_LANDSCAPE, per_panorama=64),
+        width=0.35,
+        **_OURS,
+    ),
     "hold_geoffroy_2017-ours": RivalConfig(
-        "hold_geoffroy_2017", (144, 192), 0.001, 32, _LANDSCAPE, **_OURS
+        "hold_geoffroy_2017", (144, 192), 0.001, 64, _LANDSCAPE, width=0.1, **_OURS
     ),
 }
 """As published; and with the camera, the encoder and the places of our landscape network."""
@@ -159,16 +172,9 @@ def load_rival(path: Path) -> Rival:
         raise ModelError("a trained rival", f"{path}: {error}", "train one") from None
 
 
-def smaller(config: RivalConfig, width: float, photo_size: tuple[int, int]) -> RivalConfig:
-    """The same rival with fewer channels and smaller photos."""
-    height, across = photo_size
-    views = replace(config.views, height=height, width=across)
-    return replace(config, width=width, photo_size=photo_size, views=views)
-
-
 def new_network(config: RivalConfig) -> nn.Module:
     """The rival's network before training."""
-    shape = (config.photo_size, config.encoder, config.width, config.frozen_blocks)
+    shape = (config.photo_size, config.encoder, config.width, config.frozen_blocks, config.dropout)
     if config.name == "gardner_2017":
         return gardner_2017.Gardner2017(*shape)
     return hold_geoffroy_2017.HoldGeoffroy2017(*shape)

@@ -1,6 +1,8 @@
 """Train a rival on views of training places; the best step on held-out views is kept."""
 
+import hashlib
 import math
+import pickle
 import time
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -10,10 +12,11 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float, Int
+from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from deeplight.camera_response import LUMINANCE
-from deeplight.errors import ConfigError
+from deeplight.errors import ConfigError, ModelError
 from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
 from deeplight.evaluate.rivals.crops import Pair
 from deeplight.evaluate.rivals.rival import (
@@ -23,12 +26,15 @@ from deeplight.evaluate.rivals.rival import (
     new_network,
 )
 from deeplight.io.atomic import replacing
+from deeplight.io.boundary import reads_as
+from deeplight.training.model_file import load_network
 from deeplight.training.network.imagenet import load_imagenet
 from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder
 
 CHECKPOINT_EVERY = 50
 VALIDATIONS = 16
 _CHUNK = 64
+_STATE = {"network", "optimiser", "best", "standing", "settings"}
 Progress = Callable[[int, float], None]
 Answer = tuple[Tensor, Tensor]
 
@@ -37,7 +43,7 @@ def train_rival(
     config: RivalConfig,
     pairs: Sequence[Pair],
     held_out: Sequence[Pair] = (),
-    imagenet: Path | None = None,
+    start: Path | None = None,
     checkpoint: Path | None = None,
     progress: Progress = lambda step, loss: None,
     minutes: float = 0.0,
@@ -46,24 +52,25 @@ def train_rival(
 
     Args:
         held_out: of other places: the step with the least loss on them is kept (the last without).
-        imagenet: folded MobileNetV2 weights (.npz) for our encoder.
-        checkpoint: file that a killed training goes on from; removed at the end.
+        start: what our encoder's weights are taken from: folded MobileNetV2 weights of ImageNet
+            (.npz), or a trained network of ours.
+        checkpoint: file that a killed training goes on from; removed at the end. What frozen blocks
+            gave is kept next to it.
         progress: called after each step with its number and loss.
         minutes: training ends after them, whatever `steps` says; 0: never.
 
     Raises:
-        ConfigError: too few pairs for a batch norm; frozen blocks without ImageNet weights.
+        ConfigError: too few pairs for a batch norm; frozen blocks without weights to keep.
+        ModelError: the file to start from, or the checkpoint, is another one or damaged.
     """
     if len(pairs) < 2:
         raise ConfigError("two or more pairs to train on", f"{len(pairs)}", "give more panoramas")
     torch.manual_seed(config.seed)
     rival = Rival(config, new_network(config), {})
-    if isinstance(rival.network.encoder, MobileNetV2Encoder) and imagenet is not None:
-        load_imagenet(rival.network.encoder, imagenet)
-    elif config.frozen_blocks:
-        raise ConfigError("ImageNet weights for frozen blocks", "none", "give --imagenet")
-    lessons = Lessons(rival, pairs, config.mirrored)
-    run = _Run(rival, lessons, Lessons(rival, held_out) if held_out else None)
+    _begin(rival, start)
+    kept = None if checkpoint is None else checkpoint.parent
+    lessons = Lessons(rival, pairs, config.mirrored, kept)
+    run = _Run(rival, lessons, Lessons(rival, held_out, kept=kept) if held_out else None)
     if checkpoint is not None and checkpoint.is_file():
         run.restore(checkpoint)
     run.to_the_end(checkpoint, progress, minutes)
@@ -73,14 +80,38 @@ def train_rival(
     return rival
 
 
+def _begin(rival: Rival, start: Path | None) -> None:
+    """Give our encoder, where the rival has it, the weights that it starts from."""
+    encoder = rival.network.encoder
+    if not isinstance(encoder, MobileNetV2Encoder):
+        return
+    if start is None:
+        if rival.config.frozen_blocks:
+            raise ConfigError("weights for the frozen blocks", "none", "give --start FILE")
+    elif start.suffix == ".npz":
+        load_imagenet(encoder, start)
+    else:
+        trained = load_network(start)[0].encoder
+        if [p.shape for p in trained.parameters()] != [p.shape for p in encoder.parameters()]:
+            got = f"a narrower one in {start}"
+            raise ModelError("a network with an encoder of full width", got, "start from another")
+        encoder.load_state_dict(trained.state_dict())
+
+
 class Lessons:
     """Pairs, and if wanted their mirror images: what goes in and what is wanted.
 
     The first ones, which are for training, give the rival the facts that its answers need.
     """
 
-    def __init__(self, rival: Rival, pairs: Sequence[Pair], mirrored: bool = False) -> None:
-        self.rival = rival
+    def __init__(
+        self,
+        rival: Rival,
+        pairs: Sequence[Pair],
+        mirrored: bool = False,
+        kept: Path | None = None,
+    ) -> None:
+        self.rival, self.kept = rival, kept
         self.pairs = [*pairs, *(pair.mirror() for pair in pairs)] if mirrored else list(pairs)
         self.labels: Answer | None = None
         if rival.config.name == "hold_geoffroy_2017":
@@ -101,14 +132,34 @@ class Lessons:
 
     @cached_property
     def features(self) -> Tensor | None:
-        """What the frozen blocks, if any, give for every photo: they are run only once."""
+        """What the frozen blocks, if any, give for every photo: they are run only once.
+
+        It is kept under a name made of their weights and of the photos.
+        """
         if not self.rival.config.frozen_blocks:
             return None
+        path = None if self.kept is None else self.kept / f"features-{self._identity()}.safetensors"
+        if path is not None and path.is_file():
+            return read_features(path)
         encoder = self._encoder()
         starts = range(0, len(self.pairs), _CHUNK)
-        return torch.cat(
+        found = torch.cat(
             [encoder.frozen(self._photos(range(n, n + _CHUNK))).half() for n in starts]
         )
+        if path is not None:
+            with replacing(path) as temporary:
+                save_file({"features": found}, temporary)
+        return found
+
+    def _identity(self) -> str:
+        encoder = self._encoder()
+        digest = hashlib.sha256(f"{self.rival.config.photo_size}".encode())
+        for layer in encoder.features[: encoder.frozen_layers]:
+            for parameter in layer.parameters():
+                digest.update(parameter.detach().numpy().tobytes())
+        for pair in self.pairs:
+            digest.update(pair.photo.tobytes())
+        return digest.hexdigest()[:16]
 
     def _encoder(self) -> MobileNetV2Encoder:
         encoder = self.rival.network.encoder
@@ -147,6 +198,16 @@ class Lessons:
         return sum(sums) / len(self.pairs)
 
 
+@reads_as(ModelError)
+def read_features(path: Path) -> Tensor:
+    """Features that an earlier training kept.
+
+    Raises:
+        ModelError: the file is damaged.
+    """
+    return load_file(path)["features"]
+
+
 class _Run:
     """A training as it goes."""
 
@@ -154,7 +215,9 @@ class _Run:
         config = rival.config
         self.rival, self.lessons, self.held_out = rival, lessons, held_out
         learnt = [p for p in rival.network.parameters() if p.requires_grad]
-        self.optimiser = torch.optim.Adam(learnt, config.learning_rate)
+        self.optimiser = torch.optim.AdamW(
+            learnt, config.learning_rate, weight_decay=config.weight_decay
+        )
         self.batch = min(config.batch_size, len(lessons.pairs))
         self.per_epoch = config.epoch_steps or max(1, len(lessons.pairs) // self.batch)
         self.step, self.least = 0, math.inf
@@ -222,14 +285,28 @@ class _Run:
 
         Raises:
             ConfigError: it is of another training.
+            ModelError: it is no checkpoint, or damaged.
         """
-        state = torch.load(path, weights_only=True)
+        state = _read_checkpoint(path)
         if state["settings"] != repr(self.rival.config):
             raise ConfigError(f"a checkpoint of these settings in {path}", "others", "remove it")
         self.rival.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.best = state["best"]
         self.step, self.least, self.recent, self.rival.history = state["standing"]
+
+
+@reads_as(ModelError)
+def _read_checkpoint(path: Path) -> dict[str, Any]:
+    """What `_Run._save` wrote: tensors, numbers and texts, never code."""
+    try:
+        state: dict[str, Any] = torch.load(path, weights_only=True)
+    except (RuntimeError, ValueError, KeyError, EOFError, pickle.UnpicklingError) as error:
+        got = f"{path}: {type(error).__name__}"
+        raise ModelError("a checkpoint of a rival's training", got, "remove it") from error
+    if not isinstance(state, dict) or set(state) != _STATE:
+        raise ModelError("a checkpoint of a rival's training", f"{path}", "remove it")
+    return state
 
 
 def _calibrated(rival: Rival, pairs: Sequence[Pair], at_most: int = 64) -> float:
