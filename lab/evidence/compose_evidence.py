@@ -4,7 +4,7 @@ python -m lab.evidence.compose_evidence data/sim [--split val] [--cases 32] [--o
 
 Takes simulated photos that look down on some ground and carry their true HDR light, spread over
 the places of the split. Into each it puts the bunny, diffuse and silver: under the true light, the
-model's (as users get it: with the photo in it and its lamps as small as real ones), each
+model's (as users get it: with the photo in it and its lamps as wide as it knows their place), each
 baseline's, and the true light with other random rays, which says how much of an error is noise.
 Writes errors.csv (one row for each picture), summary.md (means, and paired differences, with 95 %
 intervals over places), figure.png (of each kind of scene the case with the model's median error),
@@ -42,6 +42,7 @@ from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.projection import ImagePlane
 from deeplight.estimators.protocol import Estimator
+from deeplight.estimators.sureness import glow_rad
 from deeplight.evaluate.baselines.suite import baselines_for
 from deeplight.harmonics import DominantLight, dominant_light
 from deeplight.io.photos import write_png
@@ -146,12 +147,14 @@ def lit(example: Example, estimators: Sequence[Estimator]) -> Case:
 
 
 def as_users_get_it(model: NetworkEstimator, background: np.ndarray) -> Environment:
-    """The network's light with the photo in it and its lamps as small as real ones."""
-    log_radiance, (lamps,) = model.estimate_with_lamps(normalise(background[None]))
+    """The network's light with the photo in it and its lamps as wide as it knows their place."""
+    log_radiance, (lamps,), (heads,) = model.estimate_fully(normalise(background[None]))
     whole = model.contract
     plane = ImagePlane(-whole.right, whole.right, whole.bottom, whole.top)
     light = Lighting.from_log_radiance(log_radiance[0])
-    return assemble(light, background, plane, LATLONG_HEIGHT, lamps).environment
+    scene = assemble(light, background, plane, LATLONG_HEIGHT, lamps)
+    glow = glow_rad(heads)
+    return (scene if glow is None else scene.softened(glow)).environment
 
 
 def measured(case: Case, scale: int, kept: Path) -> tuple[list[Row], list[np.ndarray]]:

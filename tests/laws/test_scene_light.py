@@ -1,5 +1,7 @@
 """A photo in the light estimated from it: nothing lost, nothing seen twice, no seam and no star."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -246,3 +248,22 @@ def test_a_drawn_lamp_is_not_in_the_rest(estimate):
     whole = scene.environment.radiance
     assert whole - draw_lamps(scene.lamps, HEIGHT) == pytest.approx(scene.rest, abs=1e-3)
     assert scene.rest.max() < 0.2 * whole.max()
+
+
+def test_soft_lamps_keep_power_and_place_and_leave_the_photo_alone(estimate):
+    """What is not sure of its direction is a glow around it; a lamp that the photo shows stays."""
+    scene = assemble(estimate, photo(), plane_of(photo()), HEIGHT)
+    shown = Lamp(np.array([0.0, 0.0, -1.0]), np.ones(3), 0.03)
+    both = replace(scene, lamps=(*scene.lamps, shown))
+    soft = both.softened(0.6)
+    assert soft.lamps == (shown,)
+    assert flux_of(soft.rest) == pytest.approx(
+        flux_of(scene.rest) + sum(lamp.flux for lamp in scene.lamps), rel=1e-4
+    )
+    inside = scene.seen > 0.999
+    np.testing.assert_allclose(soft.rest[inside], scene.rest[inside], atol=1e-5)
+    size = HEIGHT, 2 * HEIGHT
+    glow = (soft.rest - scene.rest).mean(-1) * latlong.solid_angles(*size)
+    middle = normalised(np.einsum("hw,hwk->k", glow, latlong.directions(*size)).astype(float))
+    assert np.degrees(np.arccos(middle @ scene.lamps[0].direction)) < 3
+    assert both.softened(0.01).lamps == both.lamps  # they are wider than that

@@ -1,10 +1,17 @@
 """Composed frames that outlive a kill."""
 
 import numpy as np
+import pytest
+
+pytest.importorskip("cv2")
+pytest.importorskip("mitsuba")
 
 from deeplight.compose.composite import Composite
 from deeplight.compose.kept_frames import KeptFrames
+from deeplight.compose.mesh_file import read_meshes
+from deeplight.compose.scene import Solid
 from deeplight.compose.trace import Layers
+from deeplight.compose.video import _made_of
 
 
 def made(plate: np.ndarray) -> Composite:
@@ -35,3 +42,16 @@ def test_a_damaged_frame_is_composed_anew_and_nothing_stays(tmp_path):
     assert kept.find(1, plate) is None
     kept.remove()
     assert not list(tmp_path.iterdir())
+
+
+def test_what_frames_are_made_of_counts_all_files_of_a_mesh(tmp_path):
+    """An .obj's material lies in another file; its own does not change with it."""
+    mesh = tmp_path / "a.obj"
+    mesh.write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
+
+    def made_from(colour: str) -> bytes:
+        (tmp_path / "a.mtl").write_text(f"newmtl m\nKd {colour}\n")
+        return _made_of(mesh, [Solid(tuple(read_meshes(mesh, 10)), "file")])
+
+    assert made_from("0.2 0.3 0.4") == made_from("0.2 0.3 0.4")
+    assert made_from("0.2 0.3 0.4") != made_from("0.9 0.3 0.4")

@@ -84,20 +84,20 @@ def test_a_video_gives_a_video_and_a_killed_run_goes_on(
     for one, other in zip(before, after, strict=True):
         changed = np.abs(one - other).mean(-1)
         assert changed[55:70, 26:38].mean() > 3 * changed[:30].mean() + 5
-    rendered, made, written = video.rendered, [], []
+    composite, made, written = video.composite, [], []
     write = VideoWriter.write
 
-    def rendered_until_killed(*given: object) -> object:
+    def composed_until_killed(*given: object, **more: object) -> object:
         made.append(given)
         if len(made) == 6:
             raise KeyboardInterrupt
-        return rendered(*given)
+        return composite(*given, **more)
 
     def noted(writer: VideoWriter, pixels: np.ndarray, time_s: float) -> None:
         written.append(pixels.copy())  # the encoder's own bytes may differ
         write(writer, pixels, time_s)
 
-    monkeypatch.setattr(video, "rendered", rendered_until_killed)
+    monkeypatch.setattr(video, "composite", composed_until_killed)
     monkeypatch.setattr(VideoWriter, "write", noted)
     command = ["compose", str(tmp_path / "in.mp4"), "--out", str(out), *words]
     assert main(command) == 0

@@ -11,6 +11,7 @@ from deeplight.contract import HEADS, ModelContract
 from deeplight.deploy.onnx import export_onnx
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.sureness import Sureness, camera_record, sureness_of
+from deeplight.estimators.upright import SURE_CHANCE, turn_notes
 from deeplight.training import heads as teaching
 from deeplight.training.heads import (
     SCALES,
@@ -133,3 +134,15 @@ def test_words_follow_the_scales_and_warnings() -> None:
     assert Sureness(heads, False).words["direction"] == "not known"
     assert set(Sureness(heads, True, ("black",)).words.values()) == {"not known"}
     assert Sureness(heads, True, ("black",)).sentences == ("black",)
+
+
+def test_a_photo_on_its_side_is_noted_where_the_network_is_sure() -> None:
+    heads = dict.fromkeys(HEADS, 0.25)
+    assert turn_notes(heads) == turn_notes({}) == ()
+    lying = heads | {"upright_90": SURE_CHANCE + 0.01}
+    (note,) = turn_notes(lying)
+    assert "90 degrees clockwise" in note
+    assert Sureness(lying, True).sentences[0] == note
+    assert Sureness(lying, True).words["direction"] == "not known"
+    assert turn_notes(heads | {"upright_0": 0.9}) == ()
+    assert turn_notes(heads | {"upright_270": SURE_CHANCE - 0.01}) == ()

@@ -13,6 +13,7 @@ from deeplight.environment import Environment
 from deeplight.estimators.estimate import load_estimator
 from deeplight.estimators.fill import Kind
 from deeplight.estimators.sun import SunHint, scene_in_sun
+from deeplight.estimators.sureness import glow_rad, soft_note
 from deeplight.io.photo_like import as_photo
 
 
@@ -60,6 +61,9 @@ def compose_photo(
         scene, found = scene_in_sun(estimate, sun, fill=fill)
         framing, light = estimate.framing, scene.environment
         notes = (*estimate.notes, *(() if found is None else (found.note,)))
+        glow = glow_rad(estimate.heads)
+        if scene.lamps and glow and not (found and found.used):
+            light, notes = scene.softened(glow).environment, (*notes, soft_note(estimate.heads))
     else:
         framing, notes = network.frame(opened, where.fov_deg), opened.notes
     viewpoint, assumed = viewpoint_of(opened.source, framing, where, opened.pixels)

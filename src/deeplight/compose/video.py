@@ -1,22 +1,25 @@
 """A video in, the video with the objects standing in it out."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
+from hashlib import sha256
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Float32, UInt8
 
-from deeplight.compose.compose import ComposeSettings, Item, matched, placed, rendered, scene_of
+from deeplight.compose.compose import ComposeSettings, Item, matched, placed, scene_of
+from deeplight.compose.composite import composite
 from deeplight.compose.follow import Follower, turned_to
 from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.kept_frames import KeptFrames
 from deeplight.compose.look import Look
+from deeplight.compose.panned import is_near, seen_from, widened
 from deeplight.compose.scene import Scene
-from deeplight.compose.trace import Quality
+from deeplight.compose.trace import Layers, Quality, trace
 from deeplight.estimators.onnx import OnnxEstimator, shipped_model
 from deeplight.frames import Rotation
 from deeplight.fuse.session import CHANGED, Session
@@ -25,8 +28,8 @@ from deeplight.io.video import VideoFrame, facts, video_frames
 from deeplight.io.video_writer import VideoWriter
 from deeplight.mappings.resample import turned_latlong
 
-FRAME = Quality(samples=32, shadow_samples=24, shadow_pixels=2_000, most_rays=150_000)
-"""Rays of one frame of a preview."""
+FRAME = Quality(samples=64, shadow_samples=48, shadow_pixels=6_000, most_rays=2_500_000)
+"""Rays of a preview: one rendering serves many frames."""
 LIGHT_ROWS = 256  # of the panorama that lights a frame
 _DARKEST = 1e-4
 
@@ -70,8 +73,8 @@ def compose_video(
     film = _begin(video, first, items, settings, placement, light, gain)
     size = first.luma.shape[1] // 2 * 2, first.luma.shape[0] // 2 * 2  # codecs want even sides
     lights = _watched(film, video) if light is None else None
-    meshes = [Path(item.object) for item in items if Path(item.object).is_file()]
-    kept = KeptFrames(out, _made_of([video, *meshes], items, settings, placement, light, gain))
+    solids = film.scene.solids
+    kept = KeptFrames(out, _made_of(video, solids, items, settings, placement, light, gain))
     with VideoWriter(out, *size, known.rate_hz or 30.0) as writer:
         lit = _frames(film, chain([first], source), lights, kept)
         for number, (time_s, pixels) in enumerate(lit, 1):
@@ -81,15 +84,25 @@ def compose_video(
     return film.notes
 
 
-def _made_of(files: Sequence[Path], *settings: object) -> bytes:
+def _made_of(video: Path, *made_from: object) -> bytes:
     """What decides how frames look; another version of the program or a file makes other frames."""
     parts: list[object] = [version("deeplight")]
-    for file in (*files, shipped_model()):
+    for file in (video, shipped_model()):
         status = file.stat()
         parts += [str(file.resolve()), status.st_size, status.st_mtime_ns]
-    for value in settings:
-        parts.append(value.tobytes() if isinstance(value, np.ndarray) else repr(value))
-    return repr(parts).encode()
+    return repr([*parts, _content(made_from)]).encode()
+
+
+def _content(value: object) -> object:
+    """A value in words, arrays by their hash: meshes count as read, from all their files."""
+    if isinstance(value, np.ndarray):
+        digest = sha256(np.ascontiguousarray(value).data).hexdigest()
+        return str(value.dtype), value.shape, digest
+    if isinstance(value, tuple | list):
+        return [_content(part) for part in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return [_content(getattr(value, part.name)) for part in fields(value)]
+    return repr(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,11 +177,14 @@ class Lights:
     parts: tuple[LightFrom, ...]
     log_gain: Float[np.ndarray, "frames 3"]
 
-    def at(self, frame: int, turn: Rotation) -> Float[np.ndarray, "rows columns 3"]:
-        """In a frame's camera, turned `turn` (world_from_camera), relative to its white."""
-        part = [part for part in self.parts if part.start <= frame][-1]
-        gain = np.exp(self.log_gain[min(frame, len(self.log_gain) - 1)]).astype(np.float32)
-        return turned_latlong(part.radiance, turn.T) * gain
+    def part(self, frame: int) -> LightFrom:
+        """The light of a frame."""
+        return [part for part in self.parts if part.start <= frame][-1]
+
+    def gain(self, frame: int) -> Float32[np.ndarray, "3"]:
+        """A frame's exposure and white balance over the first frame's."""
+        gain: np.ndarray = np.exp(self.log_gain[min(frame, len(self.log_gain) - 1)])
+        return gain.astype(np.float32)
 
 
 def gathered_lights(
@@ -237,21 +253,57 @@ def _followed(
         yield still, now
 
 
+class _Standing:
+    """A shot's objects in its light, rendered anew only where the camera has turned far or the
+    light is another: see `compose.panned`."""
+
+    def __init__(self, film: _Shot, lights: Lights | None) -> None:
+        self._film, self._lights = film, lights
+        self._rendered_from: Viewpoint | None = None
+        self._part: LightFrom | None = None
+        self._layers: Layers | None = None
+
+    def turn(self, number: int, now: Viewpoint) -> None:
+        """Go on to a frame. Every one counts, so that a run that goes on renders the same."""
+        part = None if self._lights is None else self._lights.part(number)
+        before = self._rendered_from
+        if before is None or part is not self._part or not is_near(before, now):
+            self._rendered_from, self._part, self._layers = widened(now), part, None
+
+    def layers(self, number: int, now: Viewpoint) -> Layers:
+        """What a frame's camera sees of them, in the frame's own exposure."""
+        rendered_from = self._rendered_from
+        assert rendered_from is not None  # `turn` was called
+        if self._layers is None:
+            turn, settings = rendered_from.world_from_camera, self._film.settings
+            light = self._light(turn)
+            scene = replace(self._film.scene, viewpoint=rendered_from, light=light)
+            below, seed = settings.light_from_below, settings.seed
+            self._layers = trace(scene, settings.quality, settings.engine, below, seed)
+        seen = seen_from(self._layers, rendered_from, now)
+        gain = 1 if self._lights is None else self._lights.gain(number)
+        return replace(seen, radiance=seen.radiance * gain)
+
+    def _light(self, turn: Rotation) -> Float[np.ndarray, "rows columns 3"]:
+        """In a camera turned so, relative to the first frame's white."""
+        if self._part is None:  # a given light stands still in the world
+            first = self._film.scene.viewpoint.world_from_camera
+            return turned_latlong(self._film.given_light, turn.T @ first)
+        return self._film.gain * turned_latlong(self._part.radiance, turn.T)
+
+
 def _frames(
     film: _Shot, source: Iterator[VideoFrame], lights: Lights | None, kept: KeptFrames
 ) -> Iterator[tuple[float, UInt8[np.ndarray, "height width 3"]]]:
     """Time and pixels of every finished frame."""
-    first_turn = film.scene.viewpoint.world_from_camera
+    standing = _Standing(film, lights)
     for number, (still, now) in enumerate(_followed(film, source)):
-        turn, pixels = now.world_from_camera, still.rgb()
+        pixels = still.rgb()
+        standing.turn(number, now)
         finished = kept.find(number, pixels)
         if finished is None:
-            if lights is None:  # a given light stands still in the world
-                light = turned_latlong(film.given_light, turn.T @ first_turn)
-            else:
-                light = film.gain * lights.at(number, turn)
-            scene = replace(film.scene, viewpoint=now, light=light)
-            made = rendered(pixels, scene, film.look, replace(film.settings, seed=still.number))
+            layers = standing.layers(number, now)
+            made = composite(pixels, layers, film.look, seed=still.number)
             kept.keep(number, made)
             finished = made.pixels
         yield still.time_s, finished

@@ -1,8 +1,9 @@
 """One photo's environment: the photo where the camera looked, the network elsewhere, and lamps."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -23,6 +24,8 @@ from deeplight.estimators.surroundings import (
 )
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
+from deeplight.lobe import concentration_of
+from deeplight.mappings import latlong
 
 HEIGHT = 256
 """Rows of an environment unless another number is asked for."""
@@ -30,6 +33,8 @@ PIXELS_PER_ROW = 3.5
 """Of the photo's longer side, for each row of the environment: twice what its texels need."""
 HEIGHTS = (64, 2048)
 """The fewest and the most; a number between them must be a multiple of 2, for quarter turns."""
+
+_SHOWN = 0.5  # of the texel that a lamp's middle falls into
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +59,27 @@ class SceneLight:
         lamps = draw_lamps(self.lamps, len(self.rest))
         lamps += self.rest
         return Environment(lamps, self.seen)
+
+    def softened(self, radius_rad: float) -> Self:
+        """The same light with its lamps as glows of about this radius: what is known of lamps
+        whose direction may be off by so much. Power is kept.
+
+        Lamps that the photo shows, and wider ones, stay; no glow falls into the photo.
+        """
+        size = self.seen.shape
+        directions, solid_angle = latlong.directions(*size), latlong.solid_angles(*size)
+        rest, kept = self.rest.copy(), []
+        for lamp in self.lamps:
+            shown = latlong.nearest(self.seen, lamp.direction[None])[0] > _SHOWN
+            if shown or lamp.angular_radius_rad >= radius_rad:
+                kept.append(lamp)
+                continue
+            cosine = directions @ lamp.direction.astype(np.float32)
+            glow = np.exp(np.float32(concentration_of(radius_rad)) * (cosine - 1))
+            glow *= 1 - self.seen
+            radiance = (lamp.flux / float((glow * solid_angle).sum())).astype(np.float32)
+            rest += glow[..., None] * radiance
+        return replace(self, rest=rest, lamps=tuple(kept))
 
 
 def scene_light(estimate: Estimate, height: int = HEIGHT, fill: Kind | None = None) -> SceneLight:

@@ -337,11 +337,11 @@ def _unseen_direction(
     """
     seen = _shrunk(photo.seen)
     directions = latlong.directions(64, 128)
-    outside = 1 - _looked_up(seen, excess.directions)
+    outside = 1 - latlong.nearest(seen, excess.directions)
     luminous = flux @ LUMINANCE
     weight = luminous * outside if (luminous * outside).any() else luminous
     direction = normalised((weight @ excess.directions).astype(np.float64))
-    if _looked_up(seen, direction[None])[0] < _UNSEEN or not (seen < _UNSEEN).any():
+    if latlong.nearest(seen, direction[None])[0] < _UNSEEN or not (seen < _UNSEEN).any():
         return direction
     cosine = np.where(seen < _UNSEEN, directions @ direction.astype(np.float32), -2)
     return normalised(directions[np.unravel_index(cosine.argmax(), seen.shape)].astype(np.float64))
@@ -354,14 +354,3 @@ def _shrunk(seen: Float32[np.ndarray, "height width"]) -> Float32[np.ndarray, "6
         return resample.shrink(seen[..., None], 64, 128)[..., 0]
     result: np.ndarray = seen.reshape(64, height // 64, 128, width // 128).mean((1, 3))
     return result
-
-
-def _looked_up(
-    values: Float[np.ndarray, "rows columns"], directions: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, " n"]:
-    rows, columns = values.shape
-    row, column = latlong.position(directions, rows, columns)
-    found: np.ndarray = values[
-        np.round(row).astype(int).clip(0, rows - 1), np.round(column).astype(int) % columns
-    ]
-    return found

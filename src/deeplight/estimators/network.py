@@ -16,6 +16,7 @@ from jaxtyping import Float32
 
 from deeplight.contract import LAMP_NUMBERS, ModelContract
 from deeplight.errors import ModelError, ShapeError
+from deeplight.estimators.upright import turn_notes
 from deeplight.frames import normalised
 from deeplight.io.photo_like import PhotoLike, as_photo
 from deeplight.io.photos import Photo
@@ -128,7 +129,13 @@ class NetworkEstimator(ABC):
         seconds = {name: value / len(opened) for name, value in whole.items()}
         return [
             Estimate(
-                Lighting.from_log_radiance(q), photo, f, photo.notes + _notes(f), seconds, own, said
+                Lighting.from_log_radiance(q),
+                photo,
+                f,
+                photo.notes + _notes(f) + turn_notes(said),
+                seconds,
+                own,
+                said,
             )
             for q, photo, f, own, said in zip(
                 log_radiance, opened, framings, lamps, heads, strict=True

@@ -2,13 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import degrees, log
+from math import degrees, log, radians
 from typing import Any
 
 from deeplight.estimators.confidence import FAINT_SHARE, UNITS, Word, warnings_of, words_of
 from deeplight.estimators.network import Estimate
+from deeplight.estimators.upright import likeliest_turn, turn_notes
 from deeplight.harmonics import dominant_light
 
+SOFTENED = 1.0
+"""Radius of a lamp's glow in a composite, over the scale of its direction."""
+WIDEST_GLOW_RAD = radians(55)
 LIMITS = {"direction": 60.0, "brightness": 0.9, "colour": 8.0}
 """Of the scales in degrees, stops and degrees: beyond them nothing is known."""
 
@@ -41,6 +45,7 @@ class Sureness:
     def words(self) -> dict[str, Word]:
         """For direction, brightness and colour how well the estimate knows it."""
         vague = {name for name, scale in self.scales.items() if scale >= LIMITS[name]}
+        vague |= {"direction"} if turn_notes(self.heads) else set()
         return words_of(vague, self.has_direction, self.warnings)
 
     @property
@@ -51,7 +56,7 @@ class Sureness:
             scale = self.scales[name]
             error = f"{scale:.0f}" if scale >= 10 else f"{scale:.1f}"
             lines.append(f"{name}: {word} (two of three photos within {error} {UNITS[name]})")
-        return self.warnings or tuple(lines)
+        return self.warnings or (*turn_notes(self.heads), *lines)
 
     def record(self) -> dict[str, Any]:
         """The entry of the JSON file."""
@@ -74,6 +79,20 @@ def sureness_of(estimate: Estimate) -> Sureness | None:
     return Sureness(estimate.heads, has_direction, warnings_of(estimate.photo.pixels))
 
 
+def glow_rad(heads: Mapping[str, float]) -> float | None:
+    """How wide a composite's lamps are best drawn, for what is known of their direction; None of a
+    network that does not say."""
+    if not heads:
+        return None
+    return min(SOFTENED * heads["direction_scale"], WIDEST_GLOW_RAD)
+
+
+def soft_note(heads: Mapping[str, float]) -> str:
+    """What to say of a composite whose lamps are drawn so."""
+    within = degrees(heads["direction_scale"])
+    return f"shadows are soft: the light may stand {within:.0f} degrees elsewhere (--sun places it)"
+
+
 def camera_record(heads: Mapping[str, float]) -> dict[str, Any]:
     """The JSON entry of what the network says of the camera. Field of view and roll are left out:
     on test places they were no better than the best fixed numbers."""
@@ -85,10 +104,3 @@ def camera_record(heads: Mapping[str, float]) -> dict[str, Any]:
         },
         "upright_after_turning": {"degrees_clockwise": turn, "chance": chance},
     }
-
-
-def likeliest_turn(heads: Mapping[str, float]) -> tuple[int, float]:
-    """By how many degrees clockwise the photo should be turned to be upright, and the chance."""
-    turns = (0, 90, 180, 270)
-    best = max(turns, key=lambda turn: heads[f"upright_{turn}"])
-    return best, heads[f"upright_{best}"]

@@ -36,6 +36,17 @@ def position(
     return row, column
 
 
+def nearest(
+    values: Float[np.ndarray, "height width"], directions: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    """The values of the pixels that directions fall into."""
+    height, width = values.shape
+    row, column = position(directions, height, width)
+    rows = np.round(row).astype(int).clip(0, height - 1)
+    found: np.ndarray = values[rows, np.round(column).astype(int) % width]
+    return found
+
+
 def solid_angles(height: int, width: int) -> Float[np.ndarray, "height width"]:
     """Solid angle of every pixel in sr, exact for its band; they sum to 4 pi (read-only)."""
     edges = np.cos(np.arange(height + 1) * (np.pi / height))
