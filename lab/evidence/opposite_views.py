@@ -18,8 +18,8 @@ from deeplight.dataset import SplitIndex
 from deeplight.errors import DataSetError
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.frames import Rotation, turned
+from deeplight.fuse.frame import SourceFrame
 from deeplight.fuse.fuse import FRONT_FROM_BACK, FuseSettings, fuse_frames
-from deeplight.fuse.sources import SourceFrame
 from deeplight.io.environment_file import read_environment
 from deeplight.io.radiance import write_exr
 from deeplight.mappings import latlong, resample

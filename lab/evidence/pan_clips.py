@@ -28,8 +28,8 @@ from deeplight.evaluate.bootstrap import PlaceBootstrap
 from deeplight.evaluate.leaderboard import METRICS, Entry, numbers_of, update_entries
 from deeplight.evaluate.light_metrics import light_errors
 from deeplight.evaluate.scores import Column, rendered_radiance, score
+from deeplight.fuse.frame import SourceFrame
 from deeplight.fuse.fuse import FuseSettings, fuse_frames
-from deeplight.fuse.sources import SourceFrame
 from deeplight.io.atomic import replacing
 from deeplight.jobs import processes
 from deeplight.lighting import Lighting

@@ -1,6 +1,7 @@
 """`deeplight fuse` on files: a clip with poses, photos, a panorama, a front camera, bad input."""
 
 import json
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 from PIL import Image
 
 from deeplight.cli.main import main
+from deeplight.fuse import clip as clip_module
+from deeplight.fuse import fuse as fuse_module
 from deeplight.fuse.session import Session
 from deeplight.io.environment_file import read_environment
 from deeplight.io.photos import encode_jpeg, write_png
@@ -119,6 +122,34 @@ def test_nothing_placed_is_said_and_nothing_written(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_killed_run_goes_on_and_writes_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    film = clip(tmp_path)
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    assert fuse(whole, film) == 0
+    chosen: list[object] = []
+    read = clip_module.moving
+
+    def counted(stills: Iterator[object]) -> Iterator[object]:
+        chosen.append(stills)
+        return read(stills)
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(clip_module, "moving", counted)
+    with monkeypatch.context() as patch:
+        patch.setattr(fuse_module, "track", stopped)
+        assert fuse(killed, film) == 130
+    assert [path.name for path in killed.iterdir()] == [".clip.fusing"]
+    assert fuse(killed, film, "--workers", "2") == 0
+    assert len(chosen) == 1
+    assert sorted(p.name for p in killed.iterdir()) == sorted(p.name for p in whole.iterdir())
+    for path in whole.iterdir():
+        assert (killed / path.name).read_bytes() == path.read_bytes()
+
+
 def test_front_and_back_camera_look_opposite_ways(tmp_path: Path) -> None:
     write_png(tmp_path / "back.png", np.full((320, 180, 3), (150, 90, 90), np.uint8))
     write_png(tmp_path / "front.png", np.full((320, 180, 3), (90, 90, 150), np.uint8))
@@ -225,6 +256,8 @@ def test_photos_at_several_exposures_show_what_clips_in_one(tmp_path: Path) -> N
         (["--height", "3"], "--height from"),
         (["--frame", "17"], "--frame from 0 to 0; got 17"),
         (["--session", "x.txt"], "--session FILE.npz"),
+        (["--workers", "-1"], "at least 0 workers"),
+        (["--workers", "2"], "--workers without a clip"),
         (["--poses", "missing.json"], "missing.json"),
     ],
 )

@@ -211,3 +211,30 @@ def test_greys_come_back_to_the_level(tmp_path: Path) -> None:
         errors = got.astype(int) - levels
         assert np.abs(errors).max() <= 1
         assert abs(errors.mean()) < 0.3
+
+
+def with_key_frames(path: Path, every: int) -> Path:
+    """40 frames at 8 Hz with a key frame now and then, as phones write them."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=8, options={"g": str(every), "bf": "2"})
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for k in range(40):
+            grey = np.full((48, 64, 3), 6 * k, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(grey, format="rgb24")))
+        container.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("every", [6, 250])
+@pytest.mark.parametrize("from_s", [0.0, 0.6, 2.5, 4.8])
+def test_from_a_time_on_come_the_same_frames(tmp_path: Path, every: int, from_s: float) -> None:
+    film = with_key_frames(tmp_path / "a.mp4", every)
+    late = [f for f in video_frames(film) if f.time_s >= from_s]
+    found = list(video_frames(film, from_s))
+    assert [f.number for f in found] == list(range(len(late)))
+    assert [f.time_s for f in found] == [f.time_s for f in late]
+    assert all(np.array_equal(a.rgb(), b.rgb()) for a, b in zip(found, late, strict=True))
+
+
+def test_from_after_the_end_nothing_comes(tmp_path: Path) -> None:
+    assert list(video_frames(with_key_frames(tmp_path / "a.mp4", 6), 60.0)) == []

@@ -12,14 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from deeplight.fuse.frame import SourceFrame, log_exposure_of
 from deeplight.fuse.panorama_photo import is_panorama
-from deeplight.fuse.sources import (
-    MOST_FRAMES,
-    SourceFrame,
-    log_exposure_of,
-    read_frames,
-    thinned,
-)
+from deeplight.fuse.sources import MOST_FRAMES, read_frames, thinned
 from deeplight.io.video_writer import VideoWriter
 from lab.pans import Sweep, Troubles, film_pan
 

@@ -26,7 +26,7 @@ def test_a_frame_comes_back_byte_for_byte_and_only_for_the_same_settings(tmp_pat
     composed, out = made(plate), tmp_path / "a.mp4"
     kept = KeptFrames(out, b"one")
     assert kept.find(7, plate) is None
-    kept.keep(7, composed)
+    kept.keep_frame(7, composed)
     again = KeptFrames(out, b"one")
     np.testing.assert_array_equal(again.find(7, plate), composed.pixels)
     assert again.find(8, plate) is None
@@ -36,7 +36,7 @@ def test_a_frame_comes_back_byte_for_byte_and_only_for_the_same_settings(tmp_pat
 def test_a_damaged_frame_is_composed_anew_and_nothing_stays(tmp_path):
     plate = np.full((30, 40, 3), 90, np.uint8)
     kept = KeptFrames(tmp_path / "a.mp4", b"one")
-    kept.keep(1, made(plate))
+    kept.keep_frame(1, made(plate))
     (path,) = kept.folder.glob("*.png")
     path.write_bytes(path.read_bytes()[:50])
     assert kept.find(1, plate) is None

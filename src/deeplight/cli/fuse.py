@@ -5,11 +5,13 @@ deeplight fuse clip.mp4 --out out
 deeplight fuse IMG_1.jpg IMG_2.jpg IMG_3.jpg --poses arkit.json --level --out out
 
 Rotations come from a pose file (ARKit, ARCore, WebXR), from a panorama's own metadata, or from the
-pictures: turn slowly, so that neighbouring frames overlap by a third.
+pictures: turn slowly, so that neighbouring frames overlap by a third. Killed and run again, it goes
+on with the clip where it was.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,8 +21,10 @@ import tyro
 from rich.markup import escape
 
 if TYPE_CHECKING:
+    from deeplight.fuse.frame import SourceFrame
+    from deeplight.fuse.fuse import Fused
     from deeplight.fuse.poses import Poses
-    from deeplight.fuse.sources import SourceFrame
+    from deeplight.io.kept_folder import KeptFolder
 
 
 @dataclass(frozen=True)
@@ -61,30 +65,75 @@ class Args:
     """Also write <stem>.hdr (Radiance RGBE)."""
     session: Path | None = None
     """Also save the state (.npz), to go on with in Python: `Session.load`."""
+    workers: int = 1
+    """Processes that look through a clip; 0 is one per core. The files are the same."""
 
 
 def run(args: Args) -> None:
     """Fuse; print what was made and what had to be left out."""
     from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import results_console
-    from deeplight.estimators.open import open_model
-    from deeplight.fuse.fuse import FuseSettings, fuse_frames
     from deeplight.fuse.panorama_photo import is_panorama
-    from deeplight.fuse.poses import read_poses
-    from deeplight.fuse.results import seen_share, write_fused
-    from deeplight.fuse.sources import frame_of, read_frames
+    from deeplight.fuse.results import seen_share
     from deeplight.io.atomic import results_folder
-    from deeplight.io.orientation import TOOLS
-    from deeplight.io.photos import photo_paths, read_photo
+    from deeplight.io.photos import photo_paths
     from deeplight.io.video import is_video
 
     _check(args)
     paths = [p for s in args.sources for p in ([s] if is_video(s) else photo_paths([s]))]
     if all(not is_video(path) and is_panorama(path) for path in paths):
         refuse_unused(args, "with panoramas, which say it themselves", "fov")
+    if args.poses is not None or not any(is_video(path) for path in paths):
+        refuse_unused(args, "without a clip to look through", "workers")
+    with results_folder(args.out), _kept(paths, args) as kept:
+        fused, files, notes = _fused(paths, args, kept)
+    console = results_console()
+    made = ", ".join([str(files[0]), *(file.name for file in files[1:])])
+    console.print(escape(f"{_named(paths)} -> {made}"))
+    seen = f"{len(fused.placed)} frames, {seen_share(fused.environment):.0%} of the sphere seen"
+    dropped = [f"could not be placed: {', '.join(f.name for f in fused.dropped)}"]
+    for note in (seen, *(dropped if fused.dropped else ()), *notes, *fused.notes):
+        console.print(f"  [dim]{escape(note)}[/dim]")
+
+
+@contextmanager
+def _kept(paths: list[Path], args: Args) -> Iterator["KeptFolder | None"]:
+    """Where a clip's frames wait until all is written; a kill leaves it, an error does not."""
+    from deeplight.estimators.onnx import shipped_model
+    from deeplight.io.atomic import only_run
+    from deeplight.io.kept_folder import KeptFolder, made_of
+    from deeplight.io.video import is_video
+
+    if len(paths) != 1 or not is_video(paths[0]) or args.poses is not None:
+        yield None
+        return
+    files = [paths[0], args.model or shipped_model(), *([args.front] if args.front else [])]
+    kept = KeptFolder(args.out / f".{paths[0].stem}.fusing", made_of(files, args.fov))
+    with only_run(kept.folder):
+        try:
+            yield kept
+            kept.remove()
+        except Exception:
+            kept.remove()
+            raise
+
+
+def _fused(
+    paths: list[Path], args: Args, kept: "KeptFolder | None"
+) -> tuple["Fused", list[Path], list[str]]:
+    """The light, its files, and what was left out."""
+    from deeplight.estimators.open import open_model
+    from deeplight.fuse.frame import frame_of
+    from deeplight.fuse.fuse import FuseSettings, fuse_frames
+    from deeplight.fuse.poses import read_poses
+    from deeplight.fuse.results import write_fused
+    from deeplight.fuse.sources import read_frames
+    from deeplight.io.orientation import TOOLS
+    from deeplight.io.photos import read_photo
+
     poses = None if args.poses is None else read_poses(args.poses, _upright(paths[0]))
     estimator = open_model(args.model)
-    frames = read_frames(paths, poses)
+    frames = read_frames(paths, poses, kept, args.workers)
     notes = []
     if poses is not None:
         posed = [_posed(frame, poses, args.fov) for frame in frames]
@@ -94,20 +143,13 @@ def run(args: Args) -> None:
     front = None if args.front is None else frame_of(read_photo(args.front), args.front.name, -1)
     asked = _place(frames, args.frame)
     settings = FuseSettings(args.fov, asked, args.level, args.height)
-    fused = fuse_frames(frames, estimator, settings, front)
+    fused = fuse_frames(frames, estimator, settings, front, kept)
     tool = TOOLS.get(args.made_for or "")
     turn = tool.turn if tool else None
-    with results_folder(args.out):
-        files = write_fused(fused, estimator, args.out, paths[0].stem, turn, args.hdr)
-        if args.session is not None:
-            fused.session.save(args.session)
-    console = results_console()
-    made = ", ".join([str(files[0]), *(file.name for file in files[1:])])
-    console.print(escape(f"{_named(paths)} -> {made}"))
-    seen = f"{len(fused.placed)} frames, {seen_share(fused.environment):.0%} of the sphere seen"
-    dropped = [f"could not be placed: {', '.join(f.name for f in fused.dropped)}"]
-    for note in (seen, *(dropped if fused.dropped else ()), *notes, *fused.notes):
-        console.print(f"  [dim]{escape(note)}[/dim]")
+    files = write_fused(fused, estimator, args.out, paths[0].stem, turn, args.hdr)
+    if args.session is not None:
+        fused.session.save(args.session)
+    return fused, files, notes
 
 
 def _check(args: Args) -> None:
@@ -119,6 +161,8 @@ def _check(args: Args) -> None:
     check_fov(args.fov)
     if not 64 <= args.height <= 2048:
         raise ConfigError("--height from 64 to 2048", f"{args.height}", "correct it")
+    if args.workers < 0:
+        raise ConfigError("at least 0 workers", f"{args.workers}", "correct it")
     if args.session is not None and args.session.suffix != ".npz":
         raise ConfigError("--session FILE.npz", f"{args.session}", "rename it")
 

@@ -4,8 +4,6 @@ Only the part of a frame that the objects change is kept; the rest is the video'
 and following the surface are repeated, which costs little next to rendering.
 """
 
-import shutil
-from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 
@@ -17,11 +15,10 @@ from deeplight.compose.composite import Composite
 from deeplight.errors import ImageFileError
 from deeplight.io.atomic import replacing
 from deeplight.io.boundary import reading
+from deeplight.io.kept_folder import KeptFolder
 
-_KEY = "made-of"
 
-
-class KeptFrames:
+class KeptFrames(KeptFolder):
     """A folder next to the video that is being written, gone when that is done.
 
     Args:
@@ -33,14 +30,7 @@ class KeptFrames:
     """
 
     def __init__(self, out: Path, key: bytes) -> None:
-        self.folder = out.with_name(f".{out.name}.frames")
-        digest, record = sha256(key).hexdigest(), self.folder / _KEY
-        if self.folder.is_dir() and (not record.is_file() or record.read_text() != digest):
-            shutil.rmtree(self.folder)
-        if not self.folder.is_dir():
-            self.folder.mkdir(parents=True)
-            with replacing(record) as temporary:
-                temporary.write_text(digest)
+        super().__init__(out.with_name(f".{out.name}.frames"), key)
 
     def find(
         self, number: int, plate: UInt8[np.ndarray, "height width 3"]
@@ -58,7 +48,7 @@ class KeptFrames:
             return result
         return None
 
-    def keep(self, number: int, made: Composite) -> None:
+    def keep_frame(self, number: int, made: Composite) -> None:
         """Write what changed in a frame, whole or not at all."""
         left, top, right, bottom = made.layers.crop
         if right <= left or bottom <= top:
@@ -68,7 +58,3 @@ class KeptFrames:
         Image.fromarray(part).save(buffer, "PNG", compress_level=1)
         with replacing(self.folder / f"{number:06d}_{left}_{top}.png") as temporary:
             temporary.write_bytes(buffer.getvalue())
-
-    def remove(self) -> None:
-        """Take the folder away: the video is whole."""
-        shutil.rmtree(self.folder, ignore_errors=True)

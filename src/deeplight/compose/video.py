@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from hashlib import sha256
-from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from deeplight.compose.trace import Layers, Quality, trace
 from deeplight.estimators.onnx import OnnxEstimator, shipped_model
 from deeplight.frames import Rotation
 from deeplight.fuse.session import CHANGED, Session
+from deeplight.io.kept_folder import made_of
 from deeplight.io.photos import Photo
 from deeplight.io.video import VideoFrame, facts, video_frames
 from deeplight.io.video_writer import VideoWriter
@@ -86,11 +86,7 @@ def compose_video(
 
 def _made_of(video: Path, *made_from: object) -> bytes:
     """What decides how frames look; another version of the program or a file makes other frames."""
-    parts: list[object] = [version("deeplight")]
-    for file in (video, shipped_model()):
-        status = file.stat()
-        parts += [str(file.resolve()), status.st_size, status.st_mtime_ns]
-    return repr([*parts, _content(made_from)]).encode()
+    return made_of([video, shipped_model()], _content(made_from))
 
 
 def _content(value: object) -> object:
@@ -304,6 +300,6 @@ def _frames(
         if finished is None:
             layers = standing.layers(number, now)
             made = composite(pixels, layers, film.look, seed=still.number)
-            kept.keep(number, made)
+            kept.keep_frame(number, made)
             finished = made.pixels
         yield still.time_s, finished

@@ -11,11 +11,12 @@ from deeplight.environment import Environment
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.frames import Rotation, rotation
+from deeplight.fuse.frame import SourceFrame, frame_of
 from deeplight.fuse.poses import nearest_rotation
 from deeplight.fuse.session import Session
-from deeplight.fuse.sources import SourceFrame, frame_of
-from deeplight.fuse.track import track
+from deeplight.fuse.track import Tracked, track
 from deeplight.fuse.view import HEIGHT
+from deeplight.io.kept_folder import KeptFolder
 from deeplight.io.photo_like import PhotoLike, as_photo
 from deeplight.preprocess import ASSUMED_LONG_SIDE_FOV_RAD
 
@@ -107,6 +108,7 @@ def fuse_frames(
     estimator: NetworkEstimator,
     settings: FuseSettings = FuseSettings(),
     front: SourceFrame | None = None,
+    kept: KeptFolder | None = None,
 ) -> Fused:
     """Place frames and fuse them.
 
@@ -115,6 +117,7 @@ def fuse_frames(
         estimator: the network.
         settings: how.
         front: a photo of the front camera, taken with the first frame.
+        kept: where a run that was killed has left rotations and estimates of these frames.
 
     Raises:
         ConfigError: no such frame, or level cannot be found.
@@ -124,7 +127,7 @@ def fuse_frames(
         got = f"{settings.frame} of {len(frames)} frames"
         raise ConfigError("--frame among the frames used, from 0", got, "give another number")
     fov, known = _field_of_view(frames, settings)
-    turns, fov, notes = _placed(frames, fov, known, single=front is not None)
+    turns, fov, notes = _placed(frames, fov, known, front is not None, kept)
     asked = min(turns) if settings.frame is None else settings.frame
     if asked not in turns:
         got = f"{frames[asked].name}, which could not be placed"
@@ -132,15 +135,10 @@ def fuse_frames(
     if settings.frame is None and asked > 0:
         notes.append(f"the light is in the camera of {frames[asked].name}: none before was placed")
     session = Session(fov, lambda pixels: _estimated(estimator, pixels, fov))
-    for frame in (frames[asked], *(frames[k] for k in turns if k != asked)):
-        own = frame.vertical_fov_rad if frame.world_from_camera is not None else None
-        session.add(
-            frame.pixels,
-            turns[frames.index(frame)],
-            _estimated(estimator, frame.pixels, own or fov),
-            frame.log_exposure,
-            own or fov,
-        )
+    estimates = _estimates(frames, list(turns), estimator, fov, kept)
+    for k in (asked, *(k for k in turns if k != asked)):
+        frame, own = frames[k], _own_fov(frames[k])
+        session.add(frame.pixels, turns[k], estimates[k], frame.log_exposure, own or fov)
     if front is not None:
         _add_front(session, front, turns[asked], estimator)
     world_from_frame = turns[asked]
@@ -175,7 +173,7 @@ def _field_of_view(frames: Sequence[SourceFrame], settings: FuseSettings) -> tup
 
 
 def _placed(
-    frames: Sequence[SourceFrame], fov: float, known: bool, single: bool
+    frames: Sequence[SourceFrame], fov: float, known: bool, single: bool, kept: KeptFolder | None
 ) -> tuple[dict[int, Rotation], float, list[str]]:
     """Rotations of the frames that could be placed, by their place; the field of view; notes."""
     given = {k: f.world_from_camera for k, f in enumerate(frames)}
@@ -184,7 +182,7 @@ def _placed(
         return turns, fov, []
     if len(frames) == 1 and single:
         return {0: np.eye(3)}, fov, []
-    found = track([frame.pixels for frame in frames], fov, known)
+    found = _tracked(frames, fov, known, kept)
     if not found.rotations:
         if len(frames) == 1:
             do = "turn while filming, or use `deeplight estimate`"
@@ -197,6 +195,49 @@ def _placed(
         refined = degrees(found.vertical_fov_rad)
         notes.append(f"field of view unknown, found {refined:.0f} degrees vertically: give --fov")
     return found.rotations, found.vertical_fov_rad, notes
+
+
+def _tracked(
+    frames: Sequence[SourceFrame], fov: float, known: bool, kept: KeptFolder | None
+) -> Tracked:
+    """Rotations from the pictures, or those that were kept."""
+    held = None if kept is None else kept.arrays("tracked")
+    if held is not None:
+        places = (int(place) for place in held["places"])
+        turns = dict(zip(places, held["rotations"], strict=True))
+        return Tracked(turns, float(held["fov"]), float(held["residual"]))
+    found = track([frame.pixels for frame in frames], fov, known)
+    if kept is not None and found.rotations:
+        kept.keep(
+            "tracked",
+            places=np.array(list(found.rotations)),
+            rotations=np.stack(list(found.rotations.values())),
+            fov=np.array(found.vertical_fov_rad),
+            residual=np.array(found.residual_rad),
+        )
+    return found
+
+
+def _own_fov(frame: SourceFrame) -> float | None:
+    """Of a frame that is not the camera's, but cut out of a panorama."""
+    return frame.vertical_fov_rad if frame.world_from_camera is not None else None
+
+
+def _estimates(
+    frames: Sequence[SourceFrame],
+    chosen: Sequence[int],
+    estimator: NetworkEstimator,
+    fov: float,
+    kept: KeptFolder | None,
+) -> dict[int, np.ndarray]:
+    """What the network gives for each of the chosen frames, or what was kept of it."""
+    held = None if kept is None else kept.arrays("estimates")
+    if held is None:
+        logs = [_estimated(estimator, frames[k].pixels, _own_fov(frames[k]) or fov) for k in chosen]
+        held = {"logs": np.stack(logs)}
+        if kept is not None:
+            kept.keep("estimates", **held)
+    return dict(zip(chosen, held["logs"], strict=True))
 
 
 def _estimated(estimator: NetworkEstimator, pixels: np.ndarray, fov: float) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Video files as a stream of upright pictures."""
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -122,6 +123,14 @@ class VideoFacts:
     variable_rate: bool | None
 
 
+class _Film(NamedTuple):
+    """An opened file, the stream that is the film, and how the container says to show it."""
+
+    container: "av.container.InputContainer"
+    stream: "av.VideoStream"
+    look: Appearance
+
+
 def is_video(path: Path | str) -> bool:
     """Return whether, by its suffix, `path` is a video."""
     return Path(path).suffix.lower() in VIDEO_SUFFIXES
@@ -139,8 +148,11 @@ def frames(path: Path | str) -> Iterator[Photo]:
         yield Photo(pixels=pixels, source=Path(path), notes=still.notes)
 
 
-def video_frames(path: Path | str) -> Iterator[VideoFrame]:
+def video_frames(path: Path | str, from_s: float = -math.inf) -> Iterator[VideoFrame]:
     """Decode a video frame by frame; memory does not grow with its length.
+
+    From a time on (`from_s`) the same frames are given as without it, but counted from the first of
+    them; what lies before is sprung over where the file allows that.
 
     Honoured are the display matrix (phones film portrait lying down, front cameras mirrored),
     pixels that are not square, limited and full range, 10 bits, and presentation times. Colours are
@@ -154,18 +166,47 @@ def video_frames(path: Path | str) -> Iterator[VideoFrame]:
         MissingExtraError: the `capture` extra is not installed.
     """
     path = Path(path)
-    count, size = 0, None
+    if from_s > 0 and _lands_before(path, from_s):
+        yield from _frames_from(path, from_s, spring=True)
+    else:
+        yield from _frames_from(path, from_s, spring=False)
+
+
+def _lands_before(path: Path, from_s: float) -> bool:
+    """Whether springing to a time ends at a frame before it, or at it."""
+    try:
+        with _opened(path) as film:
+            _spring(film, from_s)
+            first = next(_decoded(film, path), None)
+            return first is not None and first.pts is not None and first.time <= from_s
+    except ImageFileError:
+        return False
+
+
+def _spring(film: _Film, to_s: float) -> None:
+    ticks = int(to_s / film.stream.time_base) if film.stream.time_base else 0
+    film.container.seek(ticks, stream=film.stream, backward=True)
+
+
+def _frames_from(path: Path, from_s: float, spring: bool) -> Iterator[VideoFrame]:
+    count, skipped, size = 0, 0, None
     with _opened(path) as film:
+        if spring:
+            _spring(film, from_s)
         rate = film.stream.average_rate
         for frame in _decoded(film, path):
             _check(path, frame, film.look)
             size = size or (frame.width, frame.height)
             if size != (frame.width, frame.height):
                 raise damaged(path, "its frames change their size")
-            time_s = count / float(rate or 30) if frame.pts is None else frame.time
+            in_all = count + skipped
+            time_s = in_all / float(rate or 30) if frame.pts is None else frame.time
+            if time_s < from_s:
+                skipped += 1
+                continue
             yield VideoFrame(count, time_s, Picture(frame, film.look))
             count += 1
-    if not count:
+    if not count + skipped:
         raise _no_video(path)
 
 
@@ -201,14 +242,6 @@ def facts(path: Path | str) -> VideoFacts:
         mirrored=look.mirrored,
         variable_rate=uneven,
     )
-
-
-class _Film(NamedTuple):
-    """An opened file, the stream that is the film, and how the container says to show it."""
-
-    container: "av.container.InputContainer"
-    stream: "av.VideoStream"
-    look: Appearance
 
 
 @contextmanager

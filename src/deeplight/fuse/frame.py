@@ -1,0 +1,75 @@
+"""One frame to fuse: a photo or a clip's still made small, with what its file says."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from deeplight.frames import Rotation
+from deeplight.fuse.track import WORKING_SIDE
+from deeplight.io.exif import exif_directories
+from deeplight.io.photos import Photo
+
+
+@dataclass(frozen=True, eq=False)
+class SourceFrame:
+    """One frame to fuse.
+
+    Attributes:
+        name: what it is called in messages.
+        pixels: upright, at most `WORKING_SIDE` on its longer side.
+        number: in its clip, or in the list of photos.
+        time_s: in its clip; 0 for photos.
+        vertical_fov_rad: if its file says; None if not.
+        log_exposure: ln of exposure from EXIF data; nan if not there.
+        world_from_camera: if its file says, as a panorama does.
+        notes: what reading had to decide.
+    """
+
+    name: str
+    pixels: UInt8[np.ndarray, "height width 3"]
+    number: int
+    time_s: float = 0.0
+    vertical_fov_rad: float | None = None
+    log_exposure: float = math.nan
+    world_from_camera: Rotation | None = None
+    notes: tuple[str, ...] = ()
+
+
+def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> SourceFrame:
+    """A photo as a frame: made small, its exposure read."""
+    exposure = math.nan if photo.source is None else log_exposure_of(photo.source)
+    return SourceFrame(
+        name,
+        shrunk(photo.pixels),
+        number,
+        time_s,
+        photo.vertical_fov_rad,
+        exposure,
+        notes=photo.notes,
+    )
+
+
+def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:
+    """The picture averaged down to `WORKING_SIDE` pixels on its longer side."""
+    scale = WORKING_SIDE / max(pixels.shape[:2])
+    upright = np.ascontiguousarray(pixels)
+    if scale >= 1:
+        return upright
+    return np.asarray(cv2.resize(upright, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+
+
+def log_exposure_of(path: Path) -> float:
+    """ln of exposure time times ISO over the f-number squared, from EXIF data; nan without them."""
+    try:
+        camera = exif_directories(path).camera
+        values = [float(camera.get(tag, math.nan)) for tag in (0x829A, 0x829D)]
+        iso = camera.get(0x8827, math.nan)
+        sensitivity = float(iso[0] if isinstance(iso, tuple) else iso)
+        exposure = values[0] * sensitivity / values[1] ** 2
+    except (ValueError, TypeError, ZeroDivisionError):
+        return math.nan  # nonsense in its data
+    return math.log(exposure) if 0 < exposure < math.inf else math.nan
