@@ -65,7 +65,7 @@ def clip_of(place: Place) -> Pan:
 
 
 def clip_sha256(pan: Pan) -> str:
-    """Names a clip by its pixels, poses and true light, however they are stored."""
+    """A name of a clip by its pixels, poses and true light, however they are stored."""
     digest = hashlib.sha256()
     for frame in pan.frames:
         digest.update(frame.pixels.tobytes())

@@ -28,7 +28,7 @@ _NOISE_BANK, _STRETCH = 1 << 20, 1 << 16
 
 
 class FrameMaker:
-    """Puts frames together; everything that a clip does not change is kept.
+    """A maker of whole frames; everything that a clip does not change is kept.
 
     A frame is handed on as the square root of radiance relative to white, planes first: roots
     interpolate as eyes see, and index the tone curve's table finely in the dark.

@@ -29,7 +29,7 @@ def truth_paths(clip: Path) -> tuple[Path, Path]:
 
 
 class TruthWriter:
-    """Collects what is true of each frame; small numbers and crops only."""
+    """What is true of each frame, collected; small numbers and crops only."""
 
     def __init__(self, clip: Clip, place: Place) -> None:
         self._clip, self._place = clip, place

@@ -202,7 +202,7 @@ def _photograph_sphere(
 
 
 class _Sensor:
-    """Adds the dark room, the hot offset of each pixel, shot and read noise."""
+    """A sensor: the dark room, the hot offset of each pixel, shot and read noise."""
 
     def __init__(self, stage: LightStage, ambient: np.ndarray, number: int) -> None:
         self.stage, self.ambient, self.number = stage, ambient, number

@@ -1,4 +1,4 @@
-"""Runs independent jobs: in processes of this machine, or on a Ray cluster, with the same results.
+"""Run independent jobs: in processes of this machine, or on a Ray cluster, with the same results.
 
 A job is a value that can be pickled, and the work a function of one job defined in a module. What
 the work writes goes to a folder that every machine sees; what it returns comes back here.

@@ -73,18 +73,22 @@ def test_every_place_names_the_same_version(root: Path) -> None:
     assert "__version__" not in initial or f'__version__ = "{stated}"' in initial
 
 
-def test_functions_and_files_are_short(root: Path) -> None:
+def test_functions_are_short(root: Path) -> None:
     too_long = []
     for path in python_files(root):
         text = path.read_text()
-        if text.count("\n") > LONGEST_FILE:
-            too_long.append(f"{path.name}: {text.count(chr(10))} lines")
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 length = body_length(node)
                 if length > LONGEST_FUNCTION:
                     too_long.append(f"{path.name}:{node.lineno} {node.name}: {length} lines")
     assert too_long == []
+
+
+def test_no_file_is_long(root: Path) -> None:
+    paths = [*python_files(root), *(root / "tests").rglob("*.py")]
+    lines = {path.name: path.read_text().count("\n") for path in paths}
+    assert {name: count for name, count in lines.items() if count > LONGEST_FILE} == {}
 
 
 def body_length(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
@@ -98,6 +102,33 @@ def test_a_long_function_would_be_found() -> None:
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
     assert body_length(function) == 61
+
+
+DESCRIBES = set(
+    "Adds Applies Brings Builds Carries Checks Collects Computes Converts Creates Decodes Draws"
+    " Estimates Fills Finds Follows Gets Gives Has Holds Is Keeps Lets Loads Makes Moves Prints"
+    " Puts Raises Reads Removes Renders Returns Runs Says Sends Serves Sets Turns Writes".split()
+)
+"""First words that say of a function what it does, where others command or name what is given."""
+
+
+def moods(source: str) -> list[str]:
+    """First lines of docstrings in the third person."""
+    documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+    nodes = (node for node in ast.walk(ast.parse(source)) if isinstance(node, documented))
+    first = [(ast.get_docstring(node) or "-").splitlines()[0] for node in nodes]
+    return [line for line in first if line.split()[0] in DESCRIBES]
+
+
+def test_docstrings_command_or_name(root: Path) -> None:
+    """As CONTRIBUTING says: "Write the panorama" or "Rows of the panorama"."""
+    found = {path.name: moods(path.read_text()) for path in python_files(root)}
+    # `runs` of neighbouring frames are things.
+    allowed = "Runs of up to `longest` neighbouring frames"
+    assert [line for lines in found.values() for line in lines if allowed not in line] == []
+    assert moods('"""Returns the rows."""') == ["Returns the rows."]  # the twin
+    names = 'def f():\n    """Rows of the panorama."""\n\n\nclass A:\n    """Write it."""\n'
+    assert moods(names) == []
 
 
 def test_annotations_are_real_objects(root: Path) -> None:

@@ -19,7 +19,7 @@ _REKEY = 0.2  # a patch that has moved by this part of itself is taken anew
 
 
 class Follower:
-    """Follows one place of the first frame through a video."""
+    """One place of the first frame, followed through a video."""
 
     def __init__(self, luma: Float[np.ndarray, "height width"], x: float, y: float) -> None:
         self._step = max(1, round(luma.shape[1] / _TRACKED_WIDTH))

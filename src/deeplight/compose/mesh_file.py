@@ -94,7 +94,7 @@ def _whole(path: Path, suffix: str) -> tuple[bytes, list[str]]:
 
 
 class _Neighbours(Mapping[str, bytes]):
-    """Gives trimesh the material files and textures next to a mesh, and nothing from elsewhere.
+    """What trimesh may read: material files and textures next to a mesh, nothing from elsewhere.
 
     trimesh goes on without what it cannot get, so a fault worth refusing is kept here.
     """

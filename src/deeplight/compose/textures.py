@@ -19,7 +19,7 @@ Pixels = UInt8[np.ndarray, "height width 3"]
 
 
 class Textures:
-    """Decodes each picture of one file once.
+    """The pictures of one file, each decoded once.
 
     Args:
         path: the mesh file, for errors.

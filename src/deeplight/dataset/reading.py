@@ -154,7 +154,7 @@ class DataSet:
 
     @property
     def bases_sha256(self) -> str:
-        """Names the bases that `bases` gives; "analytic" without measured ones."""
+        """A name of the bases that `bases` gives; "analytic" without measured ones."""
         return "analytic" if self.bases_file is None else sha256_of(self.bases_file)
 
     def bases(self, rig: str, light_size: int = LIGHTING_SIZE) -> dict[str, ReflectanceBasis]:
@@ -184,7 +184,7 @@ class DataSet:
 
     @property
     def manifest_sha256(self) -> str:
-        """Names the content of the whole data set: the manifest holds every shard's checksum."""
+        """A name of the content of the whole data set: the manifest has every shard's checksum."""
         return sha256_of(self.folder / MANIFEST)
 
     def index(self, split: str) -> SplitIndex:

@@ -37,7 +37,7 @@ PERMISSIONS = (
 
 
 class DemoServer(ThreadingHTTPServer):
-    """Serves one site until it is stopped.
+    """A server of one site, until it is stopped.
 
     Args:
         site: the files.

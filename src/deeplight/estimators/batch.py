@@ -84,7 +84,7 @@ class SourceDone:
 
 
 class _CannotWriteError(Exception):
-    """Carries the OSError of an output; it ends the batch, since the next one would fail too."""
+    """The OSError of an output; it ends the batch, since the next one would fail too."""
 
     def __init__(self, reason: OSError) -> None:
         self.reason = reason

@@ -27,7 +27,7 @@ _DO = "give a .tflite file of `deeplight export`"
 
 
 class LiteRTEstimator(NetworkEstimator):
-    """Runs a model exported by `deeplight.deploy.litert`.
+    """A model exported by `deeplight.deploy.litert`.
 
     Args:
         model_path: the .tflite file.

@@ -29,7 +29,7 @@ REFUSED = {
 
 
 class OnnxEstimator(NetworkEstimator):
-    """Runs a model exported by `deeplight.deploy.onnx`.
+    """A model exported by `deeplight.deploy.onnx`.
 
     Args:
         model_path: left out, the model shipped with the package.

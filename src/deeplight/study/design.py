@@ -210,7 +210,7 @@ def _check_vacant(path: Path, identity: str) -> None:
 
 
 def _identity(study: Study, files: Mapping[str, Mapping[str, Path]]) -> str:
-    """Names the study, so that answers to another one are noticed."""
+    """A name of the study, so that answers to another one are noticed."""
     digest = hashlib.sha256(f"{study.question} {study.seed} {study.session}".encode())
     for scene, by_method in files.items():
         for name, path in by_method.items():

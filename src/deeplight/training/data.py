@@ -165,7 +165,7 @@ def preload(examples: Dataset[Batch], workers: int, batch_size: int = 16) -> Bat
 def step_loader(
     examples: ExampleBytes, rows: Iterable[list[int]], config: DataConfig, device: torch.device
 ) -> DataLoader[Batch]:
-    """Decodes the batches of a run's steps: the examples of each of `rows`."""
+    """The decoded batches of a run's steps: the examples of each of `rows`."""
     return DataLoader(
         examples,
         batch_sampler=rows,

@@ -38,7 +38,7 @@ class Epochs(Protocol):
 
     @property
     def fingerprint(self) -> str:
-        """Names all that decides them."""
+        """A name made of all that decides them."""
 
     @property
     def places(self) -> Collection[str]:

@@ -98,7 +98,7 @@ Watch = Callable[[Progress], None]
 
 
 def fitting(watch: Watch) -> Callable[[int, int], None]:
-    """Lets `watch` see how far the fits before the first step are."""
+    """Let `watch` see how far the fits before the first step are."""
     return lambda done, count: watch(Progress(0, 0, float("nan"), 0.0, fitted=(done, count)))
 
 

@@ -58,7 +58,7 @@ class Sources:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Names the content of all; of one without bases it is its manifest's checksum."""
+        """A name of the content of all; of one without bases it is its manifest's checksum."""
         sums = [part.manifest_sha256 for part in self.sets]
         sums += [part.bases_sha256 for part in self.sets if part.bases_file is not None]
         return sums[0] if len(sums) == 1 else sha256("".join(sums).encode()).hexdigest()

@@ -72,7 +72,7 @@ def mirror_image(numbers: Float[Tensor, "n lamp 7"]) -> Float[Tensor, "n lamp 7"
 
 
 class LampBall(nn.Module):
-    """Draws lamps on a mirror ball of `size` pixels, each with its flux exactly."""
+    """Lamps drawn on a mirror ball of `size` pixels, each with its flux exactly."""
 
     towards: Tensor
     solid_angle: Tensor
