@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+import annotations
+
+annotations.install()
+
 # Before numpy or torch is loaded: the workers of pytest-xdist share the cores, and each library
 # starting a thread per core in each worker makes the suite several times slower.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

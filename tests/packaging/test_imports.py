@@ -7,6 +7,7 @@ import sys
 import pytest
 
 import deeplight
+from annotations import checked, checked_once
 
 HEAVY = ("torch", "cv2", "mitsuba", "onnxruntime", "av", "matplotlib")
 
@@ -61,3 +62,23 @@ def test_annotations_are_checked_while_tests_run() -> None:
 
     with pytest.raises(Exception, match=r"encode_png"):
         encode_png(np.zeros((4, 4, 2), np.uint8))
+    for _ in range(2):  # a kind of call that is right is looked at once, a wrong one always
+        encode_png(np.zeros((4, 4, 3), np.uint8))
+        with pytest.raises(Exception, match=r"encode_png"):
+            encode_png(np.zeros((4, 4, 3), np.float32))
+
+
+def test_results_are_checked_after_calls_that_were_right() -> None:
+    import numpy as np
+    from jaxtyping import Float, TypeCheckError
+
+    def cut(values: Float[np.ndarray, "n 3"], name: str = "") -> Float[np.ndarray, "n 3"]:
+        return np.zeros((2, 2)) if name == "a" * 99 + "!" else values
+
+    function = checked_once(cut, typechecker=checked)
+    values = np.zeros((2, 3))
+    assert function(values, "a" * 100).shape == (2, 3)
+    with pytest.raises(TypeCheckError, match="return value"):
+        function(values, "a" * 99 + "!")  # the same kind of call
+    with pytest.raises(TypeCheckError, match="parameters"):
+        function(values.astype(int))
