@@ -267,3 +267,11 @@ def test_soft_lamps_keep_power_and_place_and_leave_the_photo_alone(estimate):
     middle = normalised(np.einsum("hw,hwk->k", glow, latlong.directions(*size)).astype(float))
     assert np.degrees(np.arccos(middle @ scene.lamps[0].direction)) < 3
     assert both.softened(0.01).lamps == both.lamps  # they are wider than that
+
+
+@pytest.mark.parametrize("height", [64, 100, 128])
+def test_what_is_seen_is_the_same_part_of_the_sphere_in_64_rows(height):
+    seen = project_photo(photo(), plane_of(photo()), height)
+    share = (seen.seen * latlong.solid_angles(height, 2 * height)).sum()
+    coarse = (seen.seen_in_64_rows * latlong.solid_angles(64, 128)).sum()
+    assert coarse == pytest.approx(share, rel=0.01)

@@ -18,7 +18,7 @@ from deeplight.harmonics import dominant_light
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
 from deeplight.lobe import lobe_on_ball
-from deeplight.mappings import latlong, mirror_ball, resample
+from deeplight.mappings import latlong, mirror_ball
 
 CONE_RAD = float(np.radians(70))
 """The main light is what the estimate has above its median within this angle of its direction."""
@@ -335,7 +335,7 @@ def _unseen_direction(
 
     What the photo shows and does not show clipped is no lamp.
     """
-    seen = _shrunk(photo.seen)
+    seen = photo.seen_in_64_rows
     directions = latlong.directions(64, 128)
     outside = 1 - latlong.nearest(seen, excess.directions)
     luminous = flux @ LUMINANCE
@@ -345,12 +345,3 @@ def _unseen_direction(
         return direction
     cosine = np.where(seen < _UNSEEN, directions @ direction.astype(np.float32), -2)
     return normalised(directions[np.unravel_index(cosine.argmax(), seen.shape)].astype(np.float64))
-
-
-def _shrunk(seen: Float32[np.ndarray, "height width"]) -> Float32[np.ndarray, "64 128"]:
-    """How much is seen of each of fewer texels."""
-    height, width = seen.shape
-    if height % 64:
-        return resample.shrink(seen[..., None], 64, 128)[..., 0]
-    result: np.ndarray = seen.reshape(64, height // 64, 128, width // 128).mean((1, 3))
-    return result

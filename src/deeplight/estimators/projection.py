@@ -9,6 +9,7 @@ from jaxtyping import Float32, UInt8
 
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import CameraResponse
+from deeplight.mappings import resample
 from deeplight.preprocess import mean_over_squares
 
 CLIPPED = 251 / 255
@@ -70,6 +71,16 @@ class ProjectedPhoto:
         if not len(rows):
             return slice(0), slice(0)
         return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+    @cached_property
+    def seen_in_64_rows(self) -> Float32[np.ndarray, "64 128"]:
+        """How much is seen of each of fewer texels."""
+        height, width = self.seen.shape
+        if height % 64:
+            return resample.shrink(self.seen[..., None], 64, 128)[..., 0]
+        blocks = self.seen.reshape(64, height // 64, 128, width // 128)
+        result: np.ndarray = blocks.mean((1, 3))
+        return result
 
 
 def project_photo(

