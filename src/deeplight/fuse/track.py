@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from deeplight.frames import Rotation
-from deeplight.fuse.poses import angle_between, exponential, nearest_rotation
+from deeplight.fuse.poses import exponential, nearest_rotation
 
 WORKING_SIDE = 480
 """Pixels of the longer side of the pictures that features are looked for in."""
@@ -28,6 +28,8 @@ _TRIALS = 300
 _KEPT = 60  # matches of a pair that go into the adjustment
 _AHEAD = 3  # neighbours in time that every picture is matched with
 _REACH_RAD = radians(55)  # pictures that look nearer each other than this may overlap
+_DRIFT_RAD = 0.01  # by which that grows with each picture between them
+_MOST_NEAR = 6  # further pairs of each picture that are tried
 _ROUNDS = 15
 _SOFT_RAD = radians(0.3)  # a residual of this size counts half
 _BRIGHT, _DARKEST = 160, 16  # levels of a picture's bright parts that features are looked for at
@@ -85,16 +87,16 @@ def track(
     """
     half = tan(vertical_fov_rad / 2)
     features = [_features(picture, half) for picture in pictures]
-    pairs = _neighbours(features)
-    tried = {(p.first, p.second) for p in pairs}
-    rotations, scale, residual = _solved(pairs, len(pictures), fov_known)
+    count = len(pictures)
+    tried = {(k, j) for j in range(count) for k in range(max(0, j - _AHEAD), j)}
+    pairs = _all_matched(features, sorted(tried))
+    rotations, scale, residual = _solved(pairs, count, fov_known)
     for _ in range(2):  # a closed turn may bring further pictures within reach
-        more = [_matched(features, *pair) for pair in _near(rotations, tried)]
-        found = [pair for pair in more if pair is not None]
+        found = _all_matched(features, _near(rotations, tried))
         if not found:
             break
         pairs += found
-        rotations, scale, residual = _solved(pairs, len(pictures), fov_known)
+        rotations, scale, residual = _solved(pairs, count, fov_known)
     return Tracked(rotations, float(2 * np.arctan(half * scale)), residual)
 
 
@@ -116,27 +118,33 @@ def _features(picture: UInt8[np.ndarray, "height width 3"], half_height: float) 
     return _Features(plane, roots.astype(np.float32))
 
 
-def _neighbours(features: list[_Features]) -> list[_Pair]:
-    pairs = []
-    for second in range(1, len(features)):
-        for first in range(max(0, second - _AHEAD), second):
-            pair = _matched(features, first, second)
-            if pair is not None:
-                pairs.append(pair)
-    return pairs
+def _all_matched(features: list[_Features], tried: Sequence[tuple[int, int]]) -> list[_Pair]:
+    found = (_matched(features, *pair) for pair in tried)
+    return [pair for pair in found if pair is not None]
 
 
 def _near(rotations: dict[int, Rotation], tried: set[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Pairs not tried yet that may overlap, drift since the first of them allowed for."""
+    """Pairs not tried yet that may overlap, the nearest first, a few of each picture.
+
+    The nearest of all are those with which a turn closes; more than a few of the others say the
+    same again.
+    """
+    if not rotations:
+        return []
     numbers = sorted(rotations)
-    found = []
-    for place, first in enumerate(numbers):
-        for second in numbers[place + 1 :]:
-            drift = 0.01 * (second - first)
-            angle = angle_between(rotations[first], rotations[second])
-            if angle < _REACH_RAD + drift and (first, second) not in tried:
-                tried.add((first, second))
-                found.append((first, second))
+    looks = np.stack([rotations[number] for number in numbers])
+    cosine = (np.einsum("iab,jab->ij", looks, looks) - 1) / 2
+    angle = np.arccos(np.clip(cosine, -1, 1))
+    gap = np.abs(np.subtract.outer(numbers, numbers))
+    first, second = np.nonzero(np.triu(angle < _REACH_RAD + _DRIFT_RAD * gap, 1))
+    found, count = [], np.zeros(len(numbers), int)
+    for k in np.argsort(angle[first, second], kind="stable"):
+        a, b = int(first[k]), int(second[k])
+        pair = numbers[a], numbers[b]
+        if pair not in tried and max(count[a], count[b]) < _MOST_NEAR:
+            count[[a, b]] += 1
+            tried.add(pair)
+            found.append(pair)
     return found
 
 
