@@ -66,6 +66,15 @@ def root() -> Path:
 
 
 @pytest.fixture(scope="session")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The toy data set of all tests that do not mind what is in it; it is only read."""
+    from toy_data import write_toy_data
+
+    counts = {"train": 12, "val_indoor": 3, "val_outdoor": 3}
+    return write_toy_data(tmp_path_factory.mktemp("toy"), counts)
+
+
+@pytest.fixture(scope="session")
 def shared() -> Path:
     """Panoramas and weights next to the repository; without it tests are skipped."""
     folder = ROOT.parent / "shared"

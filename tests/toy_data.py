@@ -13,11 +13,12 @@ def write_toy_data(
     folder: Path,
     counts: Mapping[str, int],
     examples: Callable[[ShardJob], Iterable[Example]] | None = None,
-    rig: Rig = PAPER_RIG,
+    rigs: Rig | Mapping[str, Rig] = PAPER_RIG,
 ) -> Path:
-    """Fill `folder` with `examples` examples of each split; left out, `toy_examples`."""
+    """Fill `folder` with `counts` examples of each split; what is in them is up to `examples`."""
     jobs = [job for split, count in counts.items() for job in plan_split(split, count)]
-    plan = ShardPlan.begin(folder, jobs, {"paper": rig.to_dict()}, {})
+    named = {"paper": rigs} if isinstance(rigs, Rig) else rigs
+    plan = ShardPlan.begin(folder, jobs, {name: rig.to_dict() for name, rig in named.items()}, {})
     for job in plan.missing():
         plan.write(job, (examples or toy_examples)(job))
     plan.finish()

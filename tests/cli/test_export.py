@@ -127,33 +127,29 @@ def test_without_the_converter_its_extra_is_reported(tiny, tmp_path, capfd):
 
 
 @pytest.fixture(scope="module")
-def averaged(tiny, tmp_path_factory):
-    """A network with lamps and one without, with flips, in one file; and the two as networks."""
+def networks(tiny):
+    """One with lamps and one without."""
     import torch
 
     torch.manual_seed(0)
     config = preset("lamps-width035", ["network.output_size=16", "network.latent_size=16"])
-    generator = Generator(config.network).eval()
-    folder = tmp_path_factory.mktemp("averaged")
-    header = checkpoint.Header(5, 0.1, flatten(config), "abc")
-    checkpoint.save(folder / "run" / checkpoint.BEST, header, generator=generator.state_dict())
-    parts = [str(folder / "run"), str(tiny)]
-    out = folder / "both.onnx"
-    assert main(["export", *parts, "--flips", "--out", str(out)]) == 0
-    return OnnxEstimator(out), generator, load_network(tiny)[0]
+    return Generator(config.network).eval(), load_network(tiny)[0], config
 
 
-def test_several_networks_answer_with_the_mean_of_their_light(averaged):
+def test_several_networks_answer_with_the_mean_of_their_light(networks):
     """Its power is the mean power of all answers, exactly; and away from lamps so is the light."""
     import torch
 
-    estimator, *networks = averaged
+    from deeplight.training.network.average import Average
+
+    lamps, plain, _ = networks
     with torch.no_grad():
         photo = torch.from_numpy(photos())
-        answers = [n(photo).exp() for n in networks]
-        answers += [n(photo.flip(-1)).exp().flip(-1) for n in networks]
+        answers = [n(photo).exp() for n in (lamps, plain)]
+        answers += [n(photo.flip(-1)).exp().flip(-1) for n in (lamps, plain)]
+        together = Average([lamps, plain], flips=True)(photo)
     expected = torch.stack(answers).mean(0).permute(0, 2, 3, 1).numpy()
-    found = np.exp(estimator.estimate_inputs(photos()))
+    found = together.exp().permute(0, 2, 3, 1).numpy()
     area = solid_angles(16)[..., None]
     power = (found * area).sum((1, 2))
     np.testing.assert_allclose(power, (expected * area).sum((1, 2)), rtol=1e-3)
@@ -162,6 +158,45 @@ def test_several_networks_answer_with_the_mean_of_their_light(averaged):
     assert (
         np.abs(power / (answers[0].permute(0, 2, 3, 1).numpy() * area).sum((1, 2)) - 1).max() > 0.1
     )
+
+
+def exported(networks, folder, *more):
+    """The file of the network with lamps, together with others."""
+    lamps, _, config = networks
+    header = checkpoint.Header(5, 0.1, flatten(config), "abc")
+    checkpoint.save(folder / "run" / checkpoint.BEST, header, generator=lamps.state_dict())
+    out = folder / "mean.onnx"
+    assert main(["export", str(folder / "run"), *more, "--out", str(out)]) == 0
+    return OnnxEstimator(out)
+
+
+@pytest.fixture(scope="module")
+def averaged(networks, tmp_path_factory):
+    """The file of a network with its answer to the flipped photo."""
+    return exported(networks, tmp_path_factory.mktemp("averaged"), "--flips")
+
+
+def test_a_file_answers_as_the_mean_does(networks, averaged):
+    assert_answers_as([networks[0]], averaged, flips=True)
+
+
+@pytest.mark.slow
+def test_two_networks_are_one_file(networks, tiny, tmp_path):
+    assert_answers_as(networks[:2], exported(networks, tmp_path, str(tiny)), flips=False)
+
+
+def assert_answers_as(members, estimator, flips):
+    import torch
+
+    from deeplight.training.network.average import Average
+
+    with torch.no_grad():
+        photo = torch.from_numpy(photos())
+        expected = Average(members, flips)(photo).permute(0, 2, 3, 1).numpy()
+        alone = members[0](photo).permute(0, 2, 3, 1).numpy()
+    found = estimator.estimate_inputs(photos())
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+    assert np.abs(found - alone).max() > 0.01  # the twin: one answer alone
 
 
 def test_lamps_that_agree_take_the_flux_of_one_that_stands_alone():
@@ -179,7 +214,7 @@ def test_lamps_that_agree_take_the_flux_of_one_that_stands_alone():
 
 
 def test_with_flips_a_mirrored_photo_has_mirrored_light_and_lamps(averaged):
-    estimator = averaged[0]
+    estimator = averaged
     light, lamps = estimator.estimate_with_lamps(photos())
     mirrored, their_lamps = estimator.estimate_with_lamps(photos()[..., ::-1])
     np.testing.assert_allclose(mirrored, light[:, :, ::-1], atol=1e-4)
@@ -191,10 +226,10 @@ def test_with_flips_a_mirrored_photo_has_mirrored_light_and_lamps(averaged):
 
 
 def test_an_average_is_no_part_of_another(averaged, tmp_path, capfd):
-    again = ["export", str(averaged[0].path), "--out", str(tmp_path / "a.onnx")]
+    again = ["export", str(averaged.path), "--out", str(tmp_path / "a.onnx")]
     assert main(again) == 2
     assert "the mean of several" in capfd.readouterr().err
-    parts = [str(averaged[0].path.parent / "run")] * 2
+    parts = [str(averaged.path.parent / "run")] * 2
     assert main(["export", *parts, "--out", str(tmp_path / "a.tflite")]) == 2
     assert "for TFLite" in capfd.readouterr().err
     assert not list(tmp_path.iterdir())

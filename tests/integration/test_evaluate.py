@@ -19,10 +19,8 @@ from deeplight.dataset import (
     Example,
     ExampleMeta,
     ShardJob,
-    ShardPlan,
     add_bases,
     open_dataset,
-    plan_split,
 )
 from deeplight.errors import ConfigError, DataSetError
 from deeplight.estimators.onnx import OnnxEstimator
@@ -30,6 +28,7 @@ from deeplight.evaluate import run as measuring
 from deeplight.evaluate import scores as scoring
 from deeplight.evaluate.baselines.baseline import ConstantLighting
 from deeplight.evaluate.baselines.suite import CACHE, baselines_for
+from deeplight.evaluate.bootstrap import PlaceBootstrap
 from deeplight.evaluate.figures.spheres import answer_column, filmed_column
 from deeplight.evaluate.leaderboard import read_leaderboard
 from deeplight.evaluate.panorama_estimates import panorama_estimates
@@ -80,13 +79,7 @@ def examples_of(job: ShardJob) -> Iterator[Example]:
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
-    folder = tmp_path_factory.mktemp("data")
-    jobs = [job for split, count in SPLITS.items() for job in plan_split(split, count, 40)]
-    plan = ShardPlan.begin(folder, jobs, {"paper": PAPER_RIG.to_dict()}, {})
-    for job in plan.missing():
-        plan.write(job, examples_of(job))
-    plan.finish()
-    return open_dataset(folder)
+    return open_dataset(write_toy_data(tmp_path_factory.mktemp("data"), SPLITS, examples_of))
 
 
 @pytest.fixture(autouse=True)
@@ -95,6 +88,17 @@ def short_fit(monkeypatch: pytest.MonkeyPatch) -> None:
         return solve_constant(pixels, start, steps=20)
 
     monkeypatch.setattr("deeplight.evaluate.baselines.suite.solve_constant", fit)
+
+
+@pytest.fixture(autouse=True)
+def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Intervals from 100 draws of places; tests/unit/test_bootstrap.py looks at theirs."""
+
+    def few(places: np.ndarray, _: int) -> PlaceBootstrap:
+        return PlaceBootstrap(places, 100)
+
+    for module in ("summary", "temporal"):
+        monkeypatch.setattr(f"deeplight.evaluate.{module}.PlaceBootstrap", few)
 
 
 class Knowing(OnnxEstimator):

@@ -22,11 +22,8 @@ from deeplight.training.loop import BEST, Run, train
 from deeplight.training.presets import preset
 from deeplight.training.release import contract_of, load_best
 from patience import patient
-from toy_data import write_toy_data
 
 pytestmark = pytest.mark.needs("safetensors")
-
-COUNTS = {"train": 12, "val_indoor": 3, "val_outdoor": 3}
 
 # Everything that has a state or draws random numbers is on: batch norm, average, dropout, noise;
 # and the discriminator, as in the preset `paper`. The network is the same one with fewer channels.
@@ -60,8 +57,8 @@ def settings(*more: str) -> TrainConfig:
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory) -> Path:
-    return write_toy_data(tmp_path_factory.mktemp("data"), COUNTS)
+def data(toy) -> Path:
+    return toy
 
 
 @pytest.fixture(scope="module")

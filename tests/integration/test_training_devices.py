@@ -23,7 +23,6 @@ from deeplight.training import checkpoint
 from deeplight.training.augment import AugmentConfig, Inputs, augment
 from deeplight.training.data import Order, StepIndices
 from deeplight.training.devices import Share, over_all_devices
-from toy_data import write_toy_data
 
 SETTINGS = (
     "schedule.batch_size=4",
@@ -48,9 +47,8 @@ SETTINGS = (
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory) -> Path:
-    counts = {"train": 10, "val_indoor": 2, "val_outdoor": 2}
-    return write_toy_data(tmp_path_factory.mktemp("data"), counts)
+def data(toy) -> Path:
+    return toy
 
 
 def deeplight_train(data: Path | str, out: Path, *words: str, seconds: float = 110):

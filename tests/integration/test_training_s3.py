@@ -15,8 +15,6 @@ import fsspec
 import pytest
 from moto import server as moto
 
-from toy_data import write_toy_data
-
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600), pytest.mark.needs("torch", "s3fs")]
 
 SECRET = "not-to-be-written-anywhere"
@@ -33,9 +31,8 @@ SETTINGS = (
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    counts = {"train": 8, "val_indoor": 2, "val_outdoor": 2}
-    return write_toy_data(tmp_path_factory.mktemp("data"), counts)
+def folder(toy: Path) -> Path:
+    return toy
 
 
 @pytest.fixture(scope="module")

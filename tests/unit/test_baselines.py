@@ -11,9 +11,7 @@ from deeplight.dataset import (
     Example,
     ExampleMeta,
     ShardJob,
-    ShardPlan,
     open_dataset,
-    plan_split,
 )
 from deeplight.evaluate.baselines.khan_2006 import Khan2006
 from deeplight.evaluate.baselines.nearest_neighbour import (
@@ -45,6 +43,7 @@ from deeplight.solve import (
     solve_mean,
 )
 from deeplight.sphere import PAPER_RIG, SPHERES, Rig
+from toy_data import write_toy_data
 
 TURNED = Rig(
     "turned",
@@ -85,18 +84,8 @@ def examples_of(job: ShardJob) -> Iterator[Example]:
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
-    folder = tmp_path_factory.mktemp("data")
-    jobs = [
-        *plan_split("train", 12),
-        *plan_split("seen_indoor", 4),
-        *plan_split("val_indoor", 3),
-        *plan_split("val_outdoor", 3),
-    ]
-    plan = ShardPlan.begin(folder, jobs, {n: r.to_dict() for n, r in RIGS.items()}, {})
-    for job in plan.missing():
-        plan.write(job, examples_of(job))
-    plan.finish()
-    return open_dataset(folder)
+    counts = {"train": 12, "seen_indoor": 4, "val_indoor": 3, "val_outdoor": 3}
+    return open_dataset(write_toy_data(tmp_path_factory.mktemp("data"), counts, examples_of, RIGS))
 
 
 def test_pixels_are_counted_by_rig(data: DataSet) -> None:

@@ -11,14 +11,13 @@ from deeplight.dataset import (
     Example,
     ExampleMeta,
     ShardJob,
-    ShardPlan,
     open_dataset,
-    plan_split,
 )
 from deeplight.dataset.contact_sheet import contact_sheet, spread_over_places, write_contact_sheet
 from deeplight.dataset.statistics import BRIGHTNESS_EDGES_STOPS, split_statistics
 from deeplight.io.photos import read_photo
 from deeplight.sphere import PAPER_RIG, SPHERES
+from toy_data import write_toy_data
 
 
 def examples_of(job: ShardJob) -> Iterator[Example]:
@@ -35,12 +34,7 @@ def examples_of(job: ShardJob) -> Iterator[Example]:
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
-    folder = tmp_path_factory.mktemp("data")
-    plan = ShardPlan.begin(folder, plan_split("train", 10), {"paper": PAPER_RIG.to_dict()}, {})
-    for job in plan.missing():
-        plan.write(job, examples_of(job))
-    plan.finish()
-    return open_dataset(folder)
+    return open_dataset(write_toy_data(tmp_path_factory.mktemp("data"), {"train": 10}, examples_of))
 
 
 def test_statistics(data: DataSet) -> None:
