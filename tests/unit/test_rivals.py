@@ -15,7 +15,7 @@ from deeplight.errors import ConfigError, ModelError
 from deeplight.estimators.onnx import shipped_model
 from deeplight.evaluate.panorama_estimates import panorama_estimates
 from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
-from deeplight.evaluate.rivals.crops import HEIGHT, Pair, ViewPlan, all_pairs
+from deeplight.evaluate.rivals.crops import HEIGHT, Pair, ViewPlan, all_pairs, drawn_elevation
 from deeplight.evaluate.rivals.predict import write_answers
 from deeplight.evaluate.rivals.rival import PRESETS, RivalConfig, inputs_of, load_rival
 from deeplight.evaluate.rivals.sky import Sky, brightest_region, fitted_sky, sky_radiance
@@ -127,6 +127,19 @@ def test_a_pair_holds_the_light_of_its_own_view(pairs: list[Pair]) -> None:
         ours, photos = near.mean((0, 1)) @ LUMINANCE, shown.mean((0, 1)) @ LUMINANCE
         assert abs(np.log2(min(ours, 1.0) / photos)) < 1.2
     assert len({round(pair.elevation_rad, 3) for pair in pairs}) == len(pairs)
+
+
+def test_views_are_held_as_a_data_sets_phones_are_where_no_elevation_is_given() -> None:
+    """Mostly downward; given, they look up as often as down."""
+    random = np.random.default_rng(0)
+    held, even = (
+        np.degrees([drawn_elevation(replace(VIEWS, elevation_deg=e), random) for _ in range(300)])
+        for e in (0, 30)
+    )
+    assert -18 < held.mean() < -10
+    assert held.min() > -60
+    assert abs(even.mean()) < 4
+    assert np.abs(even).max() <= 30
 
 
 def test_the_same_seed_gives_the_same_views(pairs: list[Pair]) -> None:

@@ -221,7 +221,7 @@ def test_a_ruined_picture_shares_nothing_with_its_source() -> None:
 
 
 def test_folders_that_do_not_fit_are_refused(folders: dict[str, Path], tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="9 of 3 scenes and 3 methods"):
+    with pytest.raises(ConfigError, match=r"9 of 3 scenes and 3 methods; say --session\.pairs 9"):
         make_study(Study(folders), tmp_path / "out")
     with pytest.raises(ConfigError, match="at least two methods"):
         Study({"bad": folders["bad"]})

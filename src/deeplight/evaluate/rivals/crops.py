@@ -10,6 +10,7 @@ from deeplight.camera import LANDSCAPE_HEIGHT, LANDSCAPE_WIDTH, TRAINED_CAMERA, 
 from deeplight.frames import rotation, turned
 from deeplight.mappings import latlong, resample
 from deeplight.simulate.phone import PHONES, develop, draw_automatics, metered
+from deeplight.simulate.take import hand_held
 
 HEIGHT = 64
 """Rows of the panoramas that are learnt."""
@@ -27,7 +28,8 @@ class ViewPlan:
     Attributes:
         width, height: pixels of a view.
         per_panorama: views of each, at random azimuths.
-        elevation_deg: they look up or down by at most so much.
+        elevation_deg: they look up or down by at most that; 0: as a data set's phones are held
+            (`simulate.take.hand_held`), mostly downward.
         fov_deg: least and greatest vertical field of view.
     """
 
@@ -88,7 +90,7 @@ def pairs_of(
     for _ in range(views.per_panorama):
         shift = int(random.integers(HEIGHT * 2))
         azimuth = shift * np.pi / HEIGHT
-        elevation = float(np.radians(random.uniform(-1, 1) * views.elevation_deg))
+        elevation = drawn_elevation(views, random)
         fov = float(np.radians(random.uniform(*views.fov_deg)))
         rays = PinholeCamera(views.width, views.height, fov).rays()
         world = rotation("y", -azimuth) @ rotation("x", elevation)
@@ -99,6 +101,14 @@ def pairs_of(
         gain = metered(radiance[::4, ::4].reshape(-1, 3), illuminant, automatics).gain
         photo = develop(radiance, gain, automatics, _NOISE_PIXELS, random)
         yield Pair(photo, small, shift, np.broadcast_to(gain, 3), elevation, fov)
+
+
+def drawn_elevation(views: ViewPlan, random: np.random.Generator) -> float:
+    """Of a camera, in radians, positive up."""
+    if views.elevation_deg:
+        return float(np.radians(random.uniform(-1, 1) * views.elevation_deg))
+    (pose,) = hand_held(1, random)
+    return float(np.arcsin(-pose[1, 2]))  # the camera looks along its -Z
 
 
 def all_pairs(

@@ -61,7 +61,7 @@ class RivalConfig:
     cosine: bool = False
 
 
-_LANDSCAPE = ViewPlan(135, 101, per_panorama=48, elevation_deg=30)
+_LANDSCAPE = ViewPlan(135, 101, per_panorama=40, elevation_deg=0)
 """Of the detail that a data set's middle has (see `preprocess.landscape_background`)."""
 _OURS: dict[str, Any] = {
     "encoder": "ours",
@@ -87,13 +87,13 @@ PRESETS = {
         "gardner_2017",
         (144, 192),
         0.001,
-        64,
-        replace(_LANDSCAPE, per_panorama=64),
-        width=0.35,
+        48,
+        replace(_LANDSCAPE, per_panorama=56),
+        width=0.12,
         **_OURS,
     ),
     "hold_geoffroy_2017-ours": RivalConfig(
-        "hold_geoffroy_2017", (144, 192), 0.001, 64, _LANDSCAPE, width=0.1, **_OURS
+        "hold_geoffroy_2017", (144, 192), 0.001, 64, _LANDSCAPE, width=0.0625, **_OURS
     ),
 }
 """As published; and with the camera, the encoder and the places of our landscape network."""

@@ -34,6 +34,7 @@ from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder
 CHECKPOINT_EVERY = 50
 VALIDATIONS = 16
 _CHUNK = 64
+_AT_ONCE = 8
 _STATE = {"network", "optimiser", "best", "standing", "settings"}
 Progress = Callable[[int, float], None]
 Answer = tuple[Tensor, Tensor]
@@ -141,15 +142,22 @@ class Lessons:
         path = None if self.kept is None else self.kept / f"features-{self._identity()}.safetensors"
         if path is not None and path.is_file():
             return read_features(path)
-        encoder = self._encoder()
-        starts = range(0, len(self.pairs), _CHUNK)
-        found = torch.cat(
-            [encoder.frozen(self._photos(range(n, n + _CHUNK))).half() for n in starts]
-        )
+        found = self._frozen_answers()
         if path is not None:
             with replacing(path) as temporary:
                 save_file({"features": found}, temporary)
         return found
+
+    def _frozen_answers(self) -> Tensor:
+        # A third of the time of large batches with channels first, on a CPU.
+        encoder = self._encoder()
+        encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        found = []
+        for first in range(0, len(self.pairs), _AT_ONCE):
+            photos = self._photos(range(first, first + _AT_ONCE))
+            features = encoder.frozen(photos.to(memory_format=torch.channels_last))
+            found.append(features.half().contiguous())
+        return torch.cat(found)
 
     def _identity(self) -> str:
         encoder = self._encoder()
