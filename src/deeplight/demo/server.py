@@ -5,6 +5,7 @@ import io
 import ipaddress
 import shutil
 import socket
+import ssl
 from collections.abc import Iterable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -44,6 +45,7 @@ class DemoServer(ThreadingHTTPServer):
         host: address to listen at.
         port: 0 takes any free one; `port` says which.
         names: further host names that it may be asked by, such as a tunnel's.
+        tls: serve https with it.
 
     Raises:
         ConfigError: the port is taken or not allowed, or there is no such address here.
@@ -55,9 +57,14 @@ class DemoServer(ThreadingHTTPServer):
     request_queue_size = 128
 
     def __init__(
-        self, site: Site, host: str = "127.0.0.1", port: int = 0, names: Iterable[str] = ()
+        self,
+        site: Site,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        names: Iterable[str] = (),
+        tls: ssl.SSLContext | None = None,
     ) -> None:
-        self.site = site
+        self.site, self.tls = site, tls
         self.connections = Connections(MOST_CONNECTIONS)
         self.names = frozenset(name.lower() for name in (host, "localhost", *names))
         if ":" in host:
@@ -83,7 +90,8 @@ class DemoServer(ThreadingHTTPServer):
         """The address to open on this machine."""
         host = str(self.server_address[0])
         host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
-        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/"
+        scheme = "http" if self.tls is None else "https"
+        return f"{scheme}://{f'[{host}]' if ':' in host else host}:{self.port}/"
 
     def server_bind(self) -> None:
         # The standard one also looks up this machine's full name, which can take seconds.
@@ -92,6 +100,14 @@ class DemoServer(ThreadingHTTPServer):
         self.socket.bind(self.server_address)
         self.server_address = self.socket.getsockname()
         self.server_name, self.server_port = socket.gethostname(), self.port
+
+    def get_request(self) -> tuple[Any, Any]:
+        """Take a connection; who asks for https shakes hands later, in a thread of its own."""
+        connection, address = super().get_request()
+        if self.tls is None:
+            return connection, address
+        later = {"server_side": True, "do_handshake_on_connect": False}
+        return self.tls.wrap_socket(connection, **later), address
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve a connection in a thread of its own, or close it: there are too many."""
