@@ -7,6 +7,9 @@ const SITE = fileURLToPath(new URL("../../src/deeplight/demo/site/", import.meta
 const PACKAGE = fileURLToPath(new URL("../packages/deeplight/dist/", import.meta.url));
 const MB = 1e6;
 
+/** Fetched only for an object that is packed so. */
+const LATER = /^(draco|meshopt)/;
+
 /** Files to sum up, and the most that they may have gzipped. */
 const SUMS = [
   {
@@ -34,7 +37,8 @@ const SUMS = [
 async function matching(folder, names) {
   const entries = await readdir(folder, { recursive: true, withFileTypes: true });
   return entries
-    .filter((entry) => entry.isFile() && names.test(entry.name))
+    .filter(({ name }) => names.test(name) && !LATER.test(name))
+    .filter((entry) => entry.isFile())
     .map((entry) => `${entry.parentPath}/${entry.name}`);
 }
 

@@ -75,6 +75,12 @@ const ADVICE: Record<FailureKind, Advice> = {
     sentence: "This browser cannot run it: WebAssembly is missing, switched off or out of memory.",
     remedies: ["retry", "close"],
   },
+  "no-room": {
+    title: "The room could not be opened",
+    sentence:
+      "Augmented reality was refused or is not there: on Android it needs Google Play Services for AR and the camera. The plain camera works too.",
+    remedies: ["camera", "close"],
+  },
   "no-webgl": {
     title: "No 3D graphics",
     sentence:
@@ -98,8 +104,13 @@ const ADVICE: Record<FailureKind, Advice> = {
   },
   "glb-broken": {
     title: "This object cannot be read",
+    sentence: "It is not a complete .glb file with triangles in it.",
+    remedies: ["model-file", "close"],
+  },
+  "glb-packed": {
+    title: "This object’s textures cannot be read",
     sentence:
-      "It is not a complete .glb file with triangles in it. Draco and KTX2 compression are not supported.",
+      "They are packed as KTX2. Export it with JPEG, PNG or WebP textures; Draco and meshopt are fine.",
     remedies: ["model-file", "close"],
   },
   "glb-too-large": {

@@ -26,6 +26,7 @@ import { LightPanel } from "./light-panel.ts";
 import { Meter } from "./meter.ts";
 import type { ModelLoader } from "./model-loader.ts";
 import type { Notice } from "./notice.ts";
+import { RoomView } from "./room-view.ts";
 import { type Event, facingOf, next, pictureOf, START, type State } from "./state.ts";
 import { type Looked, type Seen, Watch } from "./watch.ts";
 
@@ -38,6 +39,7 @@ export class App {
   readonly stage: Stage;
   readonly hand: Hand;
   readonly showroom: Showroom;
+  private readonly room: RoomView;
   readonly sensor = new OrientationSensor();
   /** Called when the picture, the pose or the tools' state have changed. */
   onChange: () => void = () => {};
@@ -70,6 +72,10 @@ export class App {
     this.stage.onLost = () => notice.show(new Failure("graphics-lost"));
     this.hand = new Hand(this.stage);
     this.showroom = new Showroom(this.stage);
+    this.room = new RoomView(this.stage, this.showroom, model, {
+      ended: () => this.leave(),
+      failed: (error) => notice.show(error),
+    });
     new Gestures(canvas("view"), this.hand);
     this.sensor.onReading = () => this.moved();
     this.sensor.onFirstReading = () => this.placeAgain();
@@ -102,6 +108,19 @@ export class App {
     } catch (error) {
       if (this.state !== opening) return;
       this.leave();
+      this.notice.show(error);
+    }
+  }
+
+  /** Puts the object into the real room, where the browser can. */
+  async openRoom(): Promise<void> {
+    this.go({ what: "room-entered" });
+    const opening = this.state;
+    try {
+      await this.room.open();
+      box("start").hidden = true;
+    } catch (error) {
+      if (this.state === opening) this.leave();
       this.notice.show(error);
     }
   }
@@ -190,7 +209,8 @@ export class App {
     const { file, width, height } = picture;
     const notes = this.seen?.frame === "world" ? ["gathered from the camera's frames so far"] : [];
     const photo = { file, width, height };
-    return { model, photo, verticalFovRad: this.fovOf(picture), notes };
+    const { heads } = this.seen ?? {};
+    return { model, photo, verticalFovRad: this.fovOf(picture), notes, heads };
   }
 
   /** The light of now in the camera's frame, as fine as it is known. */

@@ -9,6 +9,7 @@ import { connectIntake } from "./intake.ts";
 import { ModelLoader } from "./model-loader.ts";
 import { Notice, offerUpdate } from "./notice.ts";
 import { keepOffline } from "./offline.ts";
+import { canShowRoom } from "./room-view.ts";
 
 const PATIENCE_MS = 2000;
 /** How long after the first light the page is kept for offline use, and after how long without any. */
@@ -35,6 +36,10 @@ function start(): void {
   connectIntake({
     photo: (file) => void app.openPhoto(file),
     model: (file) => void desk.openModel(file),
+  });
+  button("open-room").addEventListener("click", () => void app.openRoom());
+  void canShowRoom().then((is) => {
+    button("open-room").hidden = !is;
   });
   showExamples(app);
   void desk.choose();

@@ -17,7 +17,9 @@ export type State =
       readonly facing: Facing;
       readonly heldPose: Matrix3x3;
     }
-  | { readonly shows: "photo"; readonly picture: Picture };
+  | { readonly shows: "photo"; readonly picture: Picture }
+  /** The object stands in the real room: a WebXR session has the screen. */
+  | { readonly shows: "room" };
 
 export type Event =
   | { readonly what: "camera-asked"; readonly facing: Facing }
@@ -25,6 +27,7 @@ export type Event =
   | { readonly what: "photo-opened"; readonly picture: Picture }
   | { readonly what: "frozen"; readonly picture: Picture; readonly heldPose: Matrix3x3 }
   | { readonly what: "hidden" }
+  | { readonly what: "room-entered" }
   | { readonly what: "left" };
 
 export const START: State = { shows: "start" };
@@ -50,6 +53,8 @@ export function next(state: State, event: Event): State {
       return state.shows === "live" || state.shows === "opening"
         ? { shows: "asleep", facing: state.facing }
         : state;
+    case "room-entered":
+      return { shows: "room" };
     case "left":
       return START;
   }

@@ -1,6 +1,7 @@
 /** Files for the user: through the share sheet of a phone, as a download elsewhere. */
 import type { Light } from "deeplight/core";
 import { Failure } from "../failure.ts";
+import { withPanoramaFacts } from "./panorama-facts.ts";
 import { panoramaImage } from "./panorama-image.ts";
 
 /** True when it was given away; false when the user closed the share sheet. */
@@ -33,13 +34,15 @@ export function pictureFile(canvas: HTMLCanvasElement, stem: string): Promise<Fi
   });
 }
 
-/** All around as one picture, exposed like the photo: the view in the middle. */
-export function panoramaPicture(light: Light, stem: string): Promise<File> {
+/** All around as one picture, exposed like the photo: the view in the middle. Viewers may turn it. */
+export async function panoramaPicture(light: Light, stem: string): Promise<File> {
   const picture = panoramaImage(light, light.panorama?.height ?? 256);
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [picture.width, picture.height];
   canvas.getContext("2d")?.putImageData(picture, 0, 0);
-  return pictureFile(canvas, `${stem}-around`);
+  const file = await pictureFile(canvas, `${stem}-around`);
+  const bytes = withPanoramaFacts(new Uint8Array(await file.arrayBuffer()), canvas);
+  return new File([bytes], file.name, { type: file.type });
 }
 
 /** Desktop share sheets are a detour; a phone's is where pictures go. */

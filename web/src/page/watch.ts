@@ -30,6 +30,8 @@ export interface Seen {
   readonly isFirst: boolean;
   /** How the camera was tilted, as the photo says it; null where it does not. */
   readonly pitchRad: number | null;
+  /** What the network says of a photo, for the light's file. */
+  readonly heads?: Readonly<Record<string, number>> | null;
 }
 
 /** A frame of a film was looked at. */
@@ -125,7 +127,9 @@ export class Watch {
     if (!estimate?.scene || isGone()) return;
     const { scene, confidence } = estimate;
     const light = Light.of(scene, null, scene.lamps);
-    this.watcher.seen({ light, frame: "camera", confidence, isFirst: false, pitchRad: null });
+    const heads = this.headsOf(estimate.others);
+    const seen = { frame: "camera", isFirst: false, pitchRad: null } as const;
+    this.watcher.seen({ ...seen, light, confidence, heads });
   }
 
   private async track(picture: Picture): Promise<void> {
@@ -156,9 +160,12 @@ export class Watch {
 
   /** Where the network says it and is sure enough. */
   private pitchOf(others: Estimate["others"]): number | null {
-    const { model } = this.estimator;
-    const heads = model && headsIn(others, model.contract);
-    const { pitch_rad: pitch, pitch_scale: scale } = heads ?? {};
+    const { pitch_rad: pitch, pitch_scale: scale } = this.headsOf(others) ?? {};
     return pitch !== undefined && scale !== undefined && scale < SURE_PITCH_RAD ? pitch : null;
+  }
+
+  private headsOf(others: Estimate["others"]): Readonly<Record<string, number>> | null {
+    const { model } = this.estimator;
+    return model && headsIn(others, model.contract);
   }
 }

@@ -18,6 +18,7 @@ import { BallLight } from "./ball-light.ts";
 import type { Exhibit } from "./exhibit.ts";
 import { FloorShadow } from "./floor-shadow.ts";
 import { MATERIALS, type MaterialName, standardMaterial } from "./material.ts";
+import { unpackedBy } from "./packed.ts";
 
 const MOST_BYTES = 100e6;
 const MOST_TRIANGLES = 2e6;
@@ -43,7 +44,7 @@ export class OwnObject implements Exhibit {
     this.object.add(model, this.shadow.mesh);
   }
 
-  /** @throws Failure `glb-too-large` or `glb-broken`. */
+  /** @throws Failure `glb-too-large`, `glb-packed` or `glb-broken`. */
   static async open(file: Blob): Promise<OwnObject> {
     if (file.size > MOST_BYTES) throw new Failure("glb-too-large");
     const model = await parsed(await file.arrayBuffer());
@@ -88,12 +89,16 @@ async function parsed(file: ArrayBuffer): Promise<Object3D> {
     if (/^(blob|data):/.test(url)) return url;
     throw new Failure("glb-broken", `the file refers to ${url}`);
   });
+  const loader = new GLTFLoader(manager);
+  const done = await unpackedBy(loader, file);
   try {
-    const { scene } = await new GLTFLoader(manager).parseAsync(file, "");
+    const { scene } = await loader.parseAsync(file, "");
     return scene;
   } catch (error) {
     if (error instanceof Failure) throw error;
     throw new Failure("glb-broken", String(error));
+  } finally {
+    done();
   }
 }
 

@@ -1,7 +1,7 @@
 /** The view: the camera's picture, and in it an object with its shadow, drawn when something changed. */
 
 import { ASSUMED_LONG_SIDE_FOV_RAD, IDENTITY, type Light, type Matrix3x3 } from "deeplight/core";
-import { Group, PerspectiveCamera, Scene, WebGLRenderer } from "three";
+import { Group, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import type { Picture } from "../camera/picture.ts";
 import { Failure } from "../failure.ts";
 import { rotation } from "../sensors/pose.ts";
@@ -41,6 +41,8 @@ export class Stage {
   private exhibit: Exhibit | null = null;
   private light: LightInWorld | null = null;
   private scheduled = false;
+  /** In a room: the object stands somewhere. */
+  isPlaced = false;
 
   constructor(readonly canvas: HTMLCanvasElement) {
     this.camera.rotation.order = "YXZ";
@@ -145,6 +147,59 @@ export class Stage {
     }
     if (is || this.reticle.visible) this.invalidate();
     this.reticle.visible = is;
+  }
+
+  /** The same at a point in a room; null where there is no surface. */
+  aimAtPoint(point: Vector3 | null): void {
+    this.reticle.visible = point !== null;
+    if (!point) return;
+    this.reticle.position.copy(point);
+    this.reticle.scale.setScalar(this.anchor.scale.x);
+  }
+
+  /** Where the reticle is; null where it is not. */
+  get target(): Vector3 | null {
+    return this.reticle.visible ? this.reticle.position : null;
+  }
+
+  /** Where the camera was in the frame drawn last. */
+  viewer(): Vector3 {
+    return new Vector3().setFromMatrixPosition(this.camera.matrixWorld);
+  }
+
+  get gl(): WebGL2RenderingContext {
+    return this.renderer.getContext() as WebGL2RenderingContext;
+  }
+
+  /**
+   * Draws into a WebXR session, over the camera's picture that the device itself shows, until it ends.
+   *
+   * @param before is called in each of its frames.
+   */
+  async present(
+    session: XRSession,
+    before: (frame: XRFrame, space: XRReferenceSpace) => void,
+  ): Promise<void> {
+    const { renderer } = this;
+    const { xr } = renderer;
+    this.isPlaced = false;
+    session.addEventListener("end", () => {
+      renderer.setAnimationLoop(null);
+      xr.enabled = false;
+      this.light = null;
+      this.aimAtPoint(null);
+      this.layOut();
+    });
+    xr.enabled = true;
+    xr.setReferenceSpaceType("local");
+    renderer.setAnimationLoop((_, frame) => {
+      const space = xr.getReferenceSpace();
+      if (!frame || !space) return;
+      before(frame, space);
+      this.anchor.visible = this.isPlaced && this.light !== null;
+      renderer.render(this.scene, this.camera);
+    });
+    await xr.setSession(session);
   }
 
   /** Moves the view up until the object's foot is seen above a line of the screen; null moves it back. */

@@ -24,3 +24,4 @@ export { verticalFovRad } from "./photo/exif.ts";
 export { drawStill } from "./photo/still.ts";
 export { frameOfVideo, onEachFrame } from "./photo/video.ts";
 export { type About, hdrFile, jsonFile, panoramaFile } from "./save/index.ts";
+export { LIGHT_FEATURES, type SessionTracking, trackSession } from "./xr/track-session.ts";

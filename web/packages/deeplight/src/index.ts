@@ -22,3 +22,4 @@ export {
 } from "./load.ts";
 export type { PhotoSource } from "./photo/source.ts";
 export type { TrackedLight, Tracking, TrackOptions } from "./track.ts";
+export { LIGHT_FEATURES, type SessionOptions, type SessionTracking } from "./xr/track-session.ts";

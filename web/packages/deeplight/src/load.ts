@@ -1,6 +1,7 @@
 /** The library's front door: `load`, then `estimate`. */
 
 import { EstimateError } from "./errors.ts";
+import { headsIn } from "./estimate/confidence.ts";
 import { Estimator, type ModelFacts } from "./estimate/estimator.ts";
 import { lampsOf } from "./light/lamp.ts";
 import { IDENTITY, type Matrix3x3 } from "./light/matrix.ts";
@@ -10,6 +11,8 @@ import { type PhotoSource, taken } from "./photo/source.ts";
 import { onEachFrame } from "./photo/video.ts";
 import { type TrackedLight, type Tracking, type TrackOptions, track } from "./track.ts";
 import InlineWorker from "./worker.ts?worker&inline";
+import { type SessionOptions, type SessionTracking, trackSession } from "./xr/track-session.ts";
+import type { XRSessionLike } from "./xr/types.ts";
 
 export interface LoadOptions {
   /**
@@ -126,6 +129,22 @@ export class LightEstimator {
     return track(this.estimator, video, seen, options);
   }
 
+  /**
+   * The same in a WebXR session: of the camera's pictures where it has `camera-access`, fused with the
+   * platform's `light-estimation` where it has that, else of that alone. `onFrame` of the result is to
+   * be called in each of the session's animation frames.
+   *
+   * @param gl the context that the session draws with.
+   */
+  trackSession(
+    session: XRSessionLike,
+    gl: WebGL2RenderingContext,
+    seen: (tracked: TrackedLight) => void,
+    options: SessionOptions = {},
+  ): SessionTracking {
+    return trackSession(this.estimator, session, gl, seen, options);
+  }
+
   /** Ends the worker. What is under way and what comes later fails with `closed`. */
   close(): void {
     this.#isClosed = true;
@@ -139,7 +158,8 @@ export class LightEstimator {
     const estimate = await this.estimator.estimate(frame, verticalFovRad, options.rows);
     if (!estimate) throw closed();
     const photo = { file, width, height };
-    const about = { model: this.model, photo, verticalFovRad };
+    const heads = headsIn(estimate.others, this.model.contract);
+    const about = { model: this.model, photo, verticalFovRad, heads };
     const { scene } = estimate;
     if (scene) return Light.of(scene, about, scene.lamps);
     const lamps = estimate.others.get(this.model.contract.lamps_name);

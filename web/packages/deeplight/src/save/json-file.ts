@@ -16,6 +16,8 @@ export interface About {
   readonly environments?: readonly string[];
   /** Further lines of what the user should know. */
   readonly notes?: readonly string[];
+  /** What the network says of the photo and of itself, by name: `headsIn`. */
+  readonly heads?: Readonly<Record<string, number>> | null | undefined;
 }
 
 /** What a light holds beyond the ball: see `Environment` and `Lamp`. */
@@ -52,10 +54,24 @@ export function record(
     },
     photo: { ...about.photo },
     ...framingFacts(about),
+    ...(about.heads ? { camera_guess: cameraGuess(about.heads) } : {}),
     ...(lamps.length ? { lamps: { ...SCENE_FILE.lamps, lamps: lamps.map(lampEntry) } } : {}),
     ...(environment ? { seen: seenEntry(environment) } : {}),
   };
 }
+
+/** What the network says of the camera: sureness.py, which says why no more of it. */
+function cameraGuess(heads: Readonly<Record<string, number>>): Record<string, unknown> {
+  const degrees = (name: string) => (heads[name]! * 180) / Math.PI;
+  const turns = TURNS.map((turn) => ({ turn, chance: heads[`upright_${turn}`]! }));
+  const likeliest = turns.reduce((best, one) => (one.chance > best.chance ? one : best));
+  return {
+    pitch_deg: { value: degrees("pitch_rad"), scale: degrees("pitch_scale") },
+    upright_after_turning: { degrees_clockwise: likeliest.turn, chance: likeliest.chance },
+  };
+}
+
+const TURNS = [0, 90, 180, 270];
 
 function lampEntry({ direction, flux, angularRadiusRad }: Lamp): Record<string, unknown> {
   // pi sin^2(r) of its radiance, which is its flux over 4 pi sin^2(r / 2).
