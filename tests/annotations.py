@@ -124,7 +124,9 @@ def kind_of(value: Any) -> Hashable:
         return None if keys is None or values is None else (kind, keys, values)
     if isinstance(value, set | frozenset):
         return None
-    dtype, shape = getattr(value, "dtype", None), getattr(value, "shape", None)
+    if not hasattr(kind, "dtype"):  # asking the value may call a checked function
+        return kind
+    dtype, shape = value.dtype, getattr(value, "shape", None)
     if dtype is None or not isinstance(shape, tuple):
         return kind
     numbers = all(type(size) is int for size in shape)  # not so where torch traces a network
