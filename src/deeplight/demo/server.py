@@ -106,8 +106,8 @@ class DemoServer(ThreadingHTTPServer):
         connection, address = super().get_request()
         if self.tls is None:
             return connection, address
-        later = {"server_side": True, "do_handshake_on_connect": False}
-        return self.tls.wrap_socket(connection, **later), address
+        later = self.tls.wrap_socket(connection, server_side=True, do_handshake_on_connect=False)
+        return later, address
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve a connection in a thread of its own, or close it: there are too many."""
