@@ -75,6 +75,15 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def flipped_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model file that answers the mirrored photo too: it uses each of its layers twice."""
+    pytest.importorskip("onnxscript")
+    from networks import write_mean
+
+    return write_mean(tmp_path_factory.mktemp("flipped"), "--flips")
+
+
+@pytest.fixture(scope="session")
 def shared() -> Path:
     """Panoramas and weights next to the repository; without it tests are skipped."""
     folder = ROOT.parent / "shared"

@@ -15,6 +15,7 @@ from deeplight.training.config import flatten
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator
 from deeplight.training.presets import preset
+from networks import lamps_network, write_mean
 
 pytestmark = pytest.mark.needs("onnxscript")
 
@@ -129,11 +130,7 @@ def test_without_the_converter_its_extra_is_reported(tiny, tmp_path, capfd):
 @pytest.fixture(scope="module")
 def networks(tiny):
     """One with lamps and one without."""
-    import torch
-
-    torch.manual_seed(0)
-    config = preset("lamps-width035", ["network.output_size=16", "network.latent_size=16"])
-    return Generator(config.network).eval(), load_network(tiny)[0], config
+    return lamps_network()[0], load_network(tiny)[0]
 
 
 def test_several_networks_answer_with_the_mean_of_their_light(networks):
@@ -142,7 +139,7 @@ def test_several_networks_answer_with_the_mean_of_their_light(networks):
 
     from deeplight.training.network.average import Average
 
-    lamps, plain, _ = networks
+    lamps, plain = networks
     with torch.no_grad():
         photo = torch.from_numpy(photos())
         answers = [n(photo).exp() for n in (lamps, plain)]
@@ -160,29 +157,18 @@ def test_several_networks_answer_with_the_mean_of_their_light(networks):
     )
 
 
-def exported(networks, folder, *more):
-    """The file of the network with lamps, together with others."""
-    lamps, _, config = networks
-    header = checkpoint.Header(5, 0.1, flatten(config), "abc")
-    checkpoint.save(folder / "run" / checkpoint.BEST, header, generator=lamps.state_dict())
-    out = folder / "mean.onnx"
-    assert main(["export", str(folder / "run"), *more, "--out", str(out)]) == 0
-    return OnnxEstimator(out)
-
-
 @pytest.fixture(scope="module")
-def averaged(networks, tmp_path_factory):
-    """The file of a network with its answer to the flipped photo."""
-    return exported(networks, tmp_path_factory.mktemp("averaged"), "--flips")
+def averaged(flipped_model):
+    return OnnxEstimator(flipped_model)
 
 
 def test_a_file_answers_as_the_mean_does(networks, averaged):
-    assert_answers_as([networks[0]], averaged, flips=True)
+    assert_answers_as(networks[:1], averaged, flips=True)
 
 
 @pytest.mark.slow
 def test_two_networks_are_one_file(networks, tiny, tmp_path):
-    assert_answers_as(networks[:2], exported(networks, tmp_path, str(tiny)), flips=False)
+    assert_answers_as(networks, OnnxEstimator(write_mean(tmp_path, str(tiny))), flips=False)
 
 
 def assert_answers_as(members, estimator, flips):
