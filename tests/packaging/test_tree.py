@@ -45,6 +45,18 @@ def test_the_readme_names_every_verb_and_links_every_document(root: Path) -> Non
     assert [name for name in sorted(documents) if f" {name}\n" not in shelves] == []
 
 
+def test_architecture_names_every_module_and_what_it_names_is_there(root: Path) -> None:
+    text = (root / "ARCHITECTURE.md").read_text()
+    package = root / "src" / "deeplight"
+    entries = {path.stem for path in package.iterdir() if not path.name.startswith(("__", "."))}
+    missing = [name for name in sorted(entries - {"py"}) if not re.search(rf"`{name}[/`]", text)]
+    assert missing == []
+    where = text.split("## Where is ...")[1].split("\n## ")[0]
+    named = re.findall(r"`([\w/]+\.py)`", where)
+    assert len(named) > 10
+    assert [name for name in named if not (package / name).is_file()] == []
+
+
 PLAIN = re.compile(r"\b(told|tells?|beside|so many)\b", re.IGNORECASE)
 """Words that have a plainer one: say, print, report, next to, number of."""
 
