@@ -43,10 +43,17 @@ class Args:
     """The command; {out} stands for its output folder."""
     moments: int = 10
     """How often it runs on a disk that is too small."""
+    most: float = 0.98
+    """The largest disk, as a share of what is there at the end; more than 1 for a command that
+    keeps temporary files meanwhile."""
     seed: int = 0
     """Of the sizes."""
     ignore: tuple[str, ...] = ("run.toml",)
     """Names of files that may differ, such as records of times; * stands for anything."""
+
+    meanwhile: tuple[str, ...] = ()
+    """Names of files that hold something else before the end, such as the best so far; they are
+    compared after the next run."""
 
 
 def run(args: Args) -> None:
@@ -61,11 +68,11 @@ def run(args: Args) -> None:
         if not needed:
             raise ConfigError("a command that writes something", said[-300:], "correct it")
         for number in range(args.moments):
-            room = max(8192, round(draws.uniform(0.02, 0.98) * needed))
+            room = max(8192, round(draws.uniform(0.02, args.most) * needed))
             kept = Path(folder) / f"kept{number}"
             code, said = on_small_disk(args.command, room, Path(folder) / "disk", kept)
             codes.append(code)
-            found = wrong(code, said, whole, kept, args.ignore)
+            found = wrong(code, said, whole, kept, args.ignore, args.meanwhile)
             if not found:
                 found = wrong_after_next(args.command, whole, kept / "out", args.ignore)
             print(f"{room} of {needed} bytes: exit code {code} {' '.join(found) or 'right'}")
@@ -93,7 +100,14 @@ def on_small_disk(command: str, room: int, disk: Path, kept: Path) -> tuple[int,
     return child.returncode, said
 
 
-def wrong(code: int, said: str, whole: Path, kept: Path, ignore: Sequence[str] = ()) -> list[str]:
+def wrong(
+    code: int,
+    said: str,
+    whole: Path,
+    kept: Path,
+    ignore: Sequence[str] = (),
+    meanwhile: Sequence[str] = (),
+) -> list[str]:
     """Name what is wrong with a run on a full disk."""
     got = kept / "out"
     if code == 0:
@@ -106,7 +120,7 @@ def wrong(code: int, said: str, whole: Path, kept: Path, ignore: Sequence[str] =
         # Hidden: what the next run goes on with, and temporary files of workers that were ended
         # when another one met the full disk. It takes them away, which is checked.
         is_hidden = any(part.startswith(".") for part in name.parts)
-        if path.is_dir() or is_hidden or is_ignored(path, ignore):
+        if path.is_dir() or is_hidden or is_ignored(path, (*ignore, *meanwhile)):
             continue
         right = whole / path.relative_to(got) if path.is_relative_to(got) else None
         if right is None or not right.exists() or right.read_bytes() != path.read_bytes():

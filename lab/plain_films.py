@@ -51,6 +51,8 @@ class Args:
     """Dark or bright exposures, a tone curve, defocused spheres, lamps near the rig, noise."""
     dark: bool = False
     """Two and a half to four stops too dark, with a tone curve and noise, instead."""
+    missing: bool = False
+    """One of the three spheres is left out: a clip to be refused."""
     stops: tuple[float, float] = (0.0, 0.0)
     """Brighter by so much, drawn between the two."""
     seed: int = 0
@@ -112,6 +114,8 @@ def film(source: Path, clip: Path, args: Args, rng: np.random.Generator) -> None
     if args.dark or args.hard:
         setup = darkened(setup, rng) if args.dark else troubled(setup, rng)
     setup = replace(setup, gain=setup.gain * 2 ** rng.uniform(*args.stops))
+    if args.missing:
+        setup.centres.pop(str(rng.choice(SPHERES)))
     with VideoWriter(clip, setup.camera.width, setup.camera.height, 30) as video:
         for turn in turns:
             seen = pixels(place, turn, setup)

@@ -93,6 +93,20 @@ def test_an_outline_that_is_not_there_has_no_support() -> None:
     assert refine(cone_at(0.0, 0.3, 4.0), frames_of(THREE), CAMERA).support < 0.15
 
 
+def test_a_faint_outline_is_seen_by_spokes_together() -> None:
+    """A disc six levels from what is around it, in noise of four: a picture far too dark."""
+    rng, share = np.random.default_rng(2), covered(THREE[1])
+    frames = [
+        np.clip(20 + 6 * share + rng.normal(0, 4, share.shape), 0, 255).astype(np.uint8)
+        for _ in range(24)
+    ]
+    there = refine(cone_at(0.013, -0.417, 4.2), frames, CAMERA)
+    assert there.together > 0.6 > 2 * there.support
+    assert separation_rad(there.cone, THREE[1]) * pixel_scale(CAMERA) < 1.5
+    for x, y in ((0.0, 0.3), (-0.2, 0.1), (0.2, 0.5), (0.1, 0.0)):  # nothing is there
+        assert refine(cone_at(x, y, 4.0), frames, CAMERA).together < 0.4
+
+
 def found_in(frames: list[np.ndarray]) -> list[Cone]:
     x, y = persistent_edges(frames)
     options = triples(find_candidates(Evidence(x, y, 1.0), CAMERA))

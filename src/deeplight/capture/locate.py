@@ -37,6 +37,7 @@ LEAST_TRAVEL = 0.02  # of the picture's shorter side, that the world must move b
 _LEAST_SCORE = 0.3  # of three circles together (`triples`)
 _LEAST_SUPPORT = 0.2  # share of the outline that the frames must show to be there
 _FULL_SUPPORT = 0.35  # the same where less speaks for a sphere: no motion, or a place on the bar
+_TOGETHER = {_LEAST_SUPPORT: 0.4, _FULL_SUPPORT: 0.5}  # will do as well; noise comes to 0.3
 _ERROR_FOR_SUPPORT = 0.22  # the fainter the outlines, the better the light must explain the spheres
 _UNCLEAR = 0.5  # support below which a person should look
 _LEAST_SEEN = 0.5  # share of the outline that must lie inside the picture
@@ -140,7 +141,8 @@ def _checked(clip: _Clip, cones: list[Cone], least_support: float) -> Located | 
     named["mirror"], warnings = even_sizes(named, start, frames, clip.camera)
     fault = _fault(list(named.values()), least_support)
     # Not the mirror's outline: by its sides something is found in any world.
-    faintest = min(named[name].support for name in SPHERES if name != "mirror")
+    rough = [named[name] for name in SPHERES if name != "mirror"]
+    faintest = min(max(o.support, o.together / 2) for o in rough)
     if not fault and naming.error > _ERROR_FOR_SUPPORT * faintest:
         return "faint outlines of what could be spheres"
     return fault or _located(clip, named, naming.confidence, "flow", warnings)
@@ -150,7 +152,8 @@ def _fault(outlines: list[SphereOutline], least_support: float) -> str | None:
     """Why these outlines are not those of three spheres of one size, if they are not."""
     if min(outline.seen for outline in outlines) < _LEAST_SEEN:
         return _CUT_OFF
-    if min(outline.support for outline in outlines) < least_support:
+    together = _TOGETHER[least_support]
+    if any(o.support < least_support and o.together < together for o in outlines):
         return "only part of a round outline"
     for i, one in enumerate(outlines):
         for other in outlines[:i]:

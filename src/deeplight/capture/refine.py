@@ -25,6 +25,7 @@ _STEP_PX = 0.5  # between samples of a profile
 _SHARPNESS_PX = (0.4, 0.6, 0.9)  # how sharp a camera and its compression may draw an edge
 _CLEAR = 0.1  # how much better, as a logarithm, an edge explains a spoke than no edge does
 _HIT_PX, _COARSE_HIT_PX = 1.0, 2.0  # how near an outline a spoke's edge is its own
+_TOGETHER = 9  # neighbouring spokes that are averaged: 22 degrees of the outline
 _NOISE = 1.0  # grey levels of noise that no model explains
 
 Profiles = Float[np.ndarray, "frames spokes samples"]
@@ -79,11 +80,14 @@ class SphereOutline:
         cone: where the sphere is.
         support: share of all spokes with a clear edge that the outline passes within a pixel.
         seen: share of the outline that lies inside the picture.
+        together: the same of spokes that are averaged with their neighbours first: in a dark or
+            noisy picture the edges of a sphere are seen so, and those of a chance circle are not.
     """
 
     cone: Cone
     support: float
     seen: float
+    together: float = 0.0
 
 
 def refine(
@@ -163,10 +167,23 @@ def _judged(
     cone: Cone, places: np.ndarray, cost: np.ndarray, inside: np.ndarray, hit_px: float
 ) -> SphereOutline:
     """The outline with what its spokes say of it."""
-    best = places[cost.argmin(axis=1)]
-    clear = np.median(cost, axis=1) - cost.min(axis=1) > _CLEAR
-    hits = (np.abs(best) < hit_px) & inside & clear
-    return SphereOutline(cone, float(hits.mean()), float(inside.mean()))
+    around = np.pad(cost, ((_TOGETHER // 2, _TOGETHER // 2), (0, 0)), mode="wrap")
+    sums = np.cumsum(np.pad(around, ((1, 0), (0, 0))), axis=0, dtype=np.float64)
+    pooled = (sums[_TOGETHER:] - sums[:-_TOGETHER]) / _TOGETHER
+    # Noise, and so what is clear in it, falls with the root of how much is averaged.
+    kinds = ((cost, _CLEAR), (pooled, _CLEAR / _TOGETHER**0.5))
+    support, together = (_hits(places, each, clear, hit_px)[inside].sum() for each, clear in kinds)
+    count = len(cost)
+    return SphereOutline(
+        cone, float(support / count), float(inside.mean()), float(together / count)
+    )
+
+
+def _hits(places: np.ndarray, cost: np.ndarray, clear: float, hit_px: float) -> np.ndarray:
+    """Which spokes have a clear edge at the outline."""
+    is_clear = np.median(cost, axis=1) - cost.min(axis=1) > clear
+    hits: np.ndarray = (np.abs(places[cost.argmin(axis=1)]) < hit_px) & is_clear
+    return hits
 
 
 def _fine(
