@@ -14,11 +14,12 @@ EXTRAS := capture,cluster,dev,heic,litert,raw,render,sun,train,usd
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci clean
+.PHONY: help run test slow lint coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
 	@echo "make test   run the tests (installs everything, CPU torch too)"
+	@echo "make slow   the long tests that make test leaves out (minutes each)"
 	@echo "make lint   ruff, mypy, import rules"
 	@echo "make docs   the documents as a site, with the API reference, in out/site"
 	@echo "make coverage  the tests, and that they reach 95 % of the lines"
@@ -47,6 +48,9 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+slow: $(VENV)/.installed-test
+	$(BIN)/pytest -m slow -n $(JOBS) --timeout 3600
 
 coverage: $(VENV)/.installed-test
 	$(BIN)/pytest -n $(JOBS) --dist loadfile --cov=deeplight --cov-report=term-missing:skip-covered --cov-fail-under=95
