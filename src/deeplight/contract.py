@@ -216,12 +216,11 @@ class ModelContract:
         if entries.keys() != known:
             got = f"wrong or missing entries: {', '.join(sorted(entries.keys() ^ known))}"
             raise ModelError("a complete model contract", got, _REMEDY)
+        heads = entries["heads"]
+        if not isinstance(heads, list | tuple):
+            raise ModelError("a list of names as heads in the contract", f"{heads!r}", _REMEDY)
         try:
-            heads = tuple(entries["heads"])
-        except TypeError as error:
-            raise ModelError("names as heads in the contract", "no list", _REMEDY) from error
-        try:
-            return cls(**{**entries, "heads": heads})
+            return cls(**{**entries, "heads": tuple(heads)})
         except TypeError as error:
             got = "a value of another type"
             raise ModelError("numbers in the model contract", got, _REMEDY) from error

@@ -68,6 +68,7 @@ def entries(**changed: object) -> str:
         (entries(brightness=2.0), "brightness"),
         (entries(heads=["pitch_rad"] * 65), "heads"),
         (entries(heads=3), "names"),
+        (entries(heads="abc"), "a list of names"),
         (entries(background_fraction=1.5), "background_fraction"),
         (entries(output_mapping="angular map"), "output_mapping"),
         (entries(output_quantity="radiance"), "ln radiance"),

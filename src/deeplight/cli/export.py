@@ -7,11 +7,13 @@ deeplight export mine.onnx --format tflite --precision int8 --calibrate data/sim
 deeplight export runs/a runs/b --flips --precision float16 --out both.onnx
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
+
+from deeplight.deploy.network import Refinement
 
 
 @dataclass(frozen=True)
@@ -45,11 +47,7 @@ class Args:
     a photo and its mirror image have mirrored light."""
     shares: Annotated[tuple[float, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Of each of several networks in the mean; left out, all alike."""
-    heads: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
-    """Data sets whose photos teach the trained network to say what camera took a photo and how sure
-    its light is; their validation places set how sure. Some minutes."""
-    lamp_gain: float = 0.0
-    """ln of what the lamps' flux is multiplied by; choose it on validation places."""
+    refine: Annotated[Refinement, tyro.conf.OmitArgPrefixes] = field(default_factory=Refinement)
 
 
 def run(args: Args) -> None:
@@ -73,8 +71,7 @@ def run(args: Args) -> None:
             args.without_colour,
             args.flips,
             args.shares,
-            args.heads,
-            args.lamp_gain,
+            args.refine,
         )
     size = args.out.stat().st_size / 1e6
     console.print(

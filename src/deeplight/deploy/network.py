@@ -1,7 +1,7 @@
 """From a trained network to the file that estimates: ONNX or TFLite, with its contract."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,18 @@ if TYPE_CHECKING:
 FORMATS = {".onnx": "onnx", ".tflite": "tflite"}
 
 
+@dataclass(frozen=True)
+class Refinement:
+    """What may be changed of one network after its training, in this order."""
+
+    lamp_gain: float = 0.0
+    """ln of what the lamps' flux is multiplied by: on new places a network makes them fainter than
+    they are. Choose it on validation places."""
+    heads: tuple[str, ...] = ()
+    """Data sets whose photos teach it to say what camera took a photo and how sure its light is;
+    their validation places set how sure. Some minutes."""
+
+
 def write_network(
     model: Path | Sequence[Path],
     out: Path,
@@ -29,8 +41,7 @@ def write_network(
     without_colour: bool = False,
     flips: bool = False,
     shares: Sequence[float] = (),
-    heads: Sequence[str] = (),
-    lamp_gain: float = 0.0,
+    refinement: "Refinement | None" = None,
 ) -> ModelContract:
     """Write a trained network to `out`; gives the contract in the file.
 
@@ -46,22 +57,24 @@ def write_network(
         without_colour: leave out what a run learnt of the photo's colour (`network.colour`).
         flips: answer the mirrored photo too and take the mean, at twice the cost (ONNX only).
         shares: of each network in the mean; left out, all alike.
-        heads: data sets whose photos teach the network to say what camera took a photo and how
-            sure its light is (`training.heads`), after it has been trained.
-        lamp_gain: ln of what the lamps' flux is multiplied by: on new places a network makes them
-            fainter than they are. To be chosen on validation places.
+        refinement: changes to one network after its training.
 
     Raises:
         InputError: the model, the settings or the data set cannot be used.
     """
     models = [model] if isinstance(model, Path) else list(model)
     form = _format_of(out, kind, precision, calibrate is not None)
+    if shares and len(models) == 1:
+        raise ConfigError("several networks for --shares", "one", "leave it out")
     if form != "onnx" and (flips or len(models) > 1):
         do = "write .onnx, or train one network that answers as they do (distil.teacher)"
-        raise ConfigError("one network, without --flips, for TFLite", f"{len(models)}", do)
+        got = f"{len(models)}{' with --flips' * flips}"
+        raise ConfigError("one network, without --flips, for TFLite", got, do)
+    if form != "onnx" and refinement is not None and refinement.heads:
+        raise ConfigError("ONNX for --heads", "TFLite, whose files hold light only", "leave it out")
     generator, contract = _loaded(models, flips, shares, trained_on, without_colour)
-    if lamp_gain or heads:
-        contract = _refined(generator, contract, lamp_gain, heads)
+    if refinement is not None and refinement != Refinement():
+        contract = _refined(generator, contract, refinement)
     if form == "onnx":
         from deeplight.deploy.onnx import export_onnx
 
@@ -115,18 +128,20 @@ def _loaded(
 
 
 def _refined(
-    generator: "nn.Module", contract: ModelContract, lamp_gain: float, heads: Sequence[str]
+    generator: "nn.Module", contract: ModelContract, refinement: Refinement
 ) -> ModelContract:
-    """Change one network after its training as `write_network` says; gives its contract."""
+    """Change one network after its training; gives its contract."""
     from deeplight.training.heads import teach
     from deeplight.training.network.generator import Generator
 
     if not isinstance(generator, Generator):
         raise ConfigError("one network for --heads and --lamp-gain", "a mean", "leave them out")
-    if lamp_gain and generator.lamps is not None:
-        generator.lamps.brighten(lamp_gain)
-    if heads:
-        generator.heads, _ = teach(generator, heads)
+    if refinement.lamp_gain:
+        if generator.lamps is None:
+            raise ConfigError("a network with lamps for --lamp-gain", "none", "leave it out")
+        generator.lamps.brighten(refinement.lamp_gain)
+    if refinement.heads:
+        generator.heads, _ = teach(generator, refinement.heads)
         contract = replace(contract, heads=HEADS)
     return contract
 

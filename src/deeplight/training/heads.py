@@ -3,7 +3,8 @@
 The network stays as it is: its features of some training photos are computed once, and a small
 branch learns on them. The light it is compared with is what explains the 8-bit spheres, so no
 HDR enters. On places that it learnt from a network errs less than elsewhere; so every scale is
-then stretched until 68 % of the errors on validation places, next to the true light, are below it.
+then stretched until it should hold 68 % of the errors in new places, by those of validation places
+next to the true light.
 """
 
 import math
@@ -21,12 +22,10 @@ from deeplight.camera_response import LUMINANCE
 from deeplight.contract import HEADS
 from deeplight.dataset import SplitIndex, open_dataset
 from deeplight.harmonics import dominant_light
-from deeplight.lighting import Lighting
+from deeplight.lighting import LIGHTING_SIZE, Lighting
 from deeplight.mappings import mirror_ball
 from deeplight.preprocess import frame_photo, network_input, normalise
-from deeplight.reflectance import rig_bases
 from deeplight.solve import light_from_spheres
-from deeplight.sphere import Rig
 from deeplight.training.data import balanced_order
 from deeplight.training.network.generator import Generator
 from deeplight.training.network.heads import Heads, averages
@@ -137,12 +136,13 @@ def camera_of(details: Any, is_turned: bool) -> list[float]:
 
 
 def truth(data: Any, index: SplitIndex, number: int) -> Float[np.ndarray, "size size 3"]:
-    """The light of an example: the true one where it has it, else what explains its spheres."""
+    """The light of an example: the true one where it has it, else what explains its spheres by the
+    data set's own bases."""
     example = index[number]
     if example.true_lighting is not None:
         return example.true_lighting
-    rig: Rig = data.rigs[example.meta.rig]
-    return light_from_spheres(example.spheres, rig_bases(rig)).radiance
+    bases = data.bases(example.meta.rig, LIGHTING_SIZE)
+    return light_from_spheres(example.spheres, bases).radiance
 
 
 def light_errors(
@@ -263,12 +263,19 @@ def distance(said: Tensor, true: Tensor) -> Tensor:
 
 @torch.no_grad()
 def calibrate(heads: Heads, views: Views) -> None:
-    """Stretch every scale until it holds `WITHIN` of the errors of these views."""
+    """Stretch every scale until `WITHIN` of the errors in places that are like these are below it.
+
+    Views of a place err alike, so n places say little more than n numbers: what is below the
+    largest of n is below it of a new place with a chance of n / (n + 1) (conformal prediction, Vovk
+    et al. 2005). The scales hold (n + 1) / n as many of these views' errors.
+    """
+    places = len(np.unique(views.places))
+    hold = min(1.0, WITHIN * (places + 1) / places)
     said, whole = heads.read(views.averaged), np.arange(len(views.turns))
     for name, off, scale in zip(SCALES, *errors_and_scales(said, views, whole), strict=True):
         is_known = off.isfinite()
         if is_known.any():
-            stretch = torch.quantile((off / scale)[is_known], WITHIN).clamp_min(1e-3)
+            stretch = torch.quantile((off / scale)[is_known], hold).clamp_min(1e-3)
             heads.outer.bias[HEADS.index(name)] += stretch.log()
 
 
