@@ -52,13 +52,14 @@ def main(args: Args) -> None:
     views = joined(
         [views_of(network, name, args.split, args.at_most, args.seed) for name in args.data]
     )
-    print("| | mean error | best fixed number | within | surest half |")
-    print("|---|---|---|---|---|")
+    print("| | mean error | best fixed number | within | surest half | rank correlation |")
+    print("|---|---|---|---|---|---|")
     for name, kept in measured(network.heads, views).items():
         row, unit = ROWS[name]
         plain = "" if kept.plain == kept.error else f"{kept.plain * unit:.2f}"
         error = f"{kept.error * unit:.2f}"
-        print(f"| {row} | {error} | {plain} | {kept.within:.2f} | {kept.surest:.2f} |")
+        kept_so = f"{kept.within:.2f} | {kept.surest:.2f} | {kept.ranked:.2f}"
+        print(f"| {row} | {error} | {plain} | {kept_so} |")
     print(f"\nWhich way is up: right for {share_upright(network.heads, views):.0%}")
 
 

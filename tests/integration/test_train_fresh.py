@@ -1,6 +1,8 @@
 """Training on takes filmed while it goes on: new ones in each epoch, the same after a stop."""
 
+import multiprocessing
 import shutil
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +20,7 @@ from deeplight.training.data import DataConfig
 from deeplight.training.fresh import Fresh, FreshBatches
 from deeplight.training.loop import train
 from deeplight.training.presets import preset
+from patience import patient
 from toy_data import write_toy_data
 
 pytestmark = pytest.mark.needs("safetensors")
@@ -105,6 +108,34 @@ def test_a_panorama_that_cannot_be_read_leaves_the_batches_whole(hdri, tmp_path)
     assert not torch.equal(whole[1].photo, whole[0].photo)
     (later,) = source.batches(2, 2, 3)
     assert torch.equal(whole[2].photo, later.photo)
+
+
+class SlowEpochs(FilmedEpochs):
+    """Its second epoch takes longer than anybody waits."""
+
+    def epoch(self, number):
+        if number:
+            (self.folder / "begun").touch()
+            time.sleep(600)
+        return super().epoch(number)
+
+
+def test_who_stops_does_not_wait_for_the_next_epoch(hdri, tmp_path):
+    slow = SlowEpochs(hdri, tmp_path, RECIPE, HERE)
+    config = DataConfig(workers=0)
+    source = FreshBatches(Fresh(slow, ["paper"], "portrait"), config, 0, torch.device("cpu"))
+    going = source.batches(2, 0, 2 * source.steps(2))
+    next(going)
+    before = time.monotonic()
+    while not (tmp_path / "begun").exists():
+        assert time.monotonic() - before < patient(60)
+        time.sleep(0.05)
+    before = time.monotonic()
+    going.close()
+    assert time.monotonic() - before < patient(20)
+    for child in multiprocessing.active_children():  # it has been asked to end
+        child.join(patient(20))
+        assert not child.is_alive()
 
 
 def test_a_run_that_was_stopped_goes_on_to_the_last_bit(hdri, tmp_path):

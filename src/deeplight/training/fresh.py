@@ -5,7 +5,7 @@ what it would have seen. While one is learnt from, the next is made; older ones 
 """
 
 from collections.abc import Collection, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -16,6 +16,7 @@ from torch.utils.data import DataLoader
 
 from deeplight.dataset import DataSet
 from deeplight.errors import ConfigError, DataSetError
+from deeplight.jobs import processes
 from deeplight.training.data import (
     Batch,
     BatchSource,
@@ -34,7 +35,10 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Epochs(Protocol):
-    """Where new examples come from; `simulate.epochs.FilmedEpochs` is ours."""
+    """Where new examples come from; `simulate.epochs.FilmedEpochs` is ours.
+
+    It can be pickled: the next epoch is made in another process.
+    """
 
     @property
     def fingerprint(self) -> str:
@@ -104,17 +108,18 @@ class FreshBatches:
     def batches(self, batch_size: int, start: int, stop: int) -> Iterator[Batch]:
         """The batches of the steps from `start` to `stop`; `batch_size` is that of the whole."""
         step = start
-        with ThreadPoolExecutor(1) as background:
-            ahead: Future[ExampleBytes] | None = None
+        with processes(1) as background:  # who stops in the middle does not wait for it
+            ahead: Future[None] | None = None
             while step < stop:
                 number, first = divmod(step, self.steps(batch_size))
-                examples = ahead.result() if ahead else self._examples(number)
+                if ahead is not None:
+                    wait([ahead])  # an error comes again where it can be raised whole, below
+                examples = self._examples(number)
                 last = min(self.steps(batch_size), first + stop - step)
-                # Its processes begin before the thread works: a fork must not meet a held lock.
-                batches = iter(self._loader(examples, number, batch_size, first, last))
                 step += last - first
-                ahead = background.submit(self._examples, number + 1) if step < stop else None
-                for batch in batches:
+                if step < stop:
+                    ahead = background.submit(_make, self.fresh.epochs, number + 1)
+                for batch in self._loader(examples, number, batch_size, first, last):
                     yield to_device(Batch(*batch), self.device)
 
     def steps(self, batch_size: int) -> int:
@@ -141,6 +146,11 @@ class FreshBatches:
         rows = order.take(positions, mode="wrap").reshape(-1, batch_size)
         own = [self.share.own(row).tolist() for row in rows]
         return step_loader(examples, own, self.config, self.device)
+
+
+def _make(epochs: Epochs, number: int) -> None:
+    """Make an epoch in another process; it is found on the disk."""
+    epochs.epoch(number)
 
 
 def with_fresh(fingerprint: str, epochs: Epochs | None, held_out: Collection[str]) -> str:

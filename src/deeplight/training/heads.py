@@ -291,6 +291,8 @@ class Kept:
     """Share of the errors that are below the scale."""
     surest: float
     """Mean error of the half that is said to be surest, as a share of the mean error."""
+    ranked: float
+    """Rank correlation of scales and errors."""
 
 
 @torch.no_grad()
@@ -311,7 +313,9 @@ def measured(heads: Heads, views: Views) -> dict[str, Kept]:
             plain = (true - true.median()).abs().mean()
         surest = off[scale <= scale.median()].mean() / off.mean()
         share = (off <= scale).float().mean()
-        found[name] = Kept(float(off.mean()), float(plain), float(share), float(surest))
+        ranks = torch.stack((off, scale)).argsort(1).argsort(1).float()
+        numbers = off.mean(), plain, share, surest, torch.corrcoef(ranks)[0, 1]
+        found[name] = Kept(*(float(number) for number in numbers))
     return found
 
 
