@@ -60,7 +60,7 @@ class Args:
     """Data set to measure on."""
     out: tyro.conf.Positional[Path]
     """Folder of rivals, answers and the reports."""
-    steps: int = 2000
+    steps: int = 1000
     """Of each rival's training."""
     minutes: float = 0.0
     """Each training ends after them, and the best step so far is kept; 0: never."""

@@ -56,8 +56,10 @@ def titled(name: str, picture: Picture) -> Picture:
 
 def title(name: str, width: int) -> Picture:
     """Two lines, since a name is longer than a sphere is wide."""
-    first, _, rest = name.partition("_")
-    return column([label(first, width), label(rest.replace("_", " "), width)])
+    words = name.split("_")
+    splits = [(" ".join(words[:n]), " ".join(words[n:])) for n in range(1, len(words) + 1)]
+    shortest = min(splits, key=lambda lines: max(len(line) for line in lines))
+    return column([label(line, width) for line in shortest])
 
 
 def _column(
