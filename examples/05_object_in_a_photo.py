@@ -12,7 +12,7 @@ from PIL import Image
 
 import deeplight
 
-PHOTO = Path(__file__).parent / "photos" / "hall.jpg"
+PHOTO = Path(__file__).parent / "photos" / "meadow.jpg"
 
 
 def main(photo: Path = PHOTO, out: Path = Path("out/examples")) -> None:

@@ -8,18 +8,16 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from deeplight.camera import PinholeCamera
-from deeplight.compose.compose import Composed, ComposeSettings, Item, compose
-from deeplight.compose.ground import Viewpoint
+from deeplight.compose.compose import Composed, ComposeSettings, Item
+from deeplight.compose.gravity import CameraPlacement
+from deeplight.compose.photo import compose_photo
 from deeplight.compose.trace import Quality
-from deeplight.estimators.environment import scene_light
-from deeplight.estimators.estimate import load_estimator
 from deeplight.io.atomic import replacing
 from deeplight.io.photos import encode_jpeg, read_photo
 
 HERE = Path(__file__).parent
 PHOTOS = HERE.parents[1] / "examples" / "photos"
-PITCH_RAD = float(np.radians(-12))  # of the frames filmed in panoramas, see LICENSES.md
+PITCH_DEG = -12.0  # of the frames filmed in panoramas, see LICENSES.md
 QUALITY = Quality(samples=48, shadow_samples=48, shadow_pixels=4_000, most_rays=500_000)
 OBJECTS = (Item("bunny", "diffuse"), Item("bunny", "silver"), Item("sphere", "mirror"))
 WIDTH = 300
@@ -57,18 +55,9 @@ def below(name: str) -> np.ndarray:
 
 
 def made(name: str, items: list[Item], **changes: bool) -> Composed:
-    photo = read_photo(PHOTOS / name)
-    estimate = load_estimator().explain(photo)
-    height, width, _ = photo.pixels.shape
-    camera = PinholeCamera(width, height, estimate.framing.vertical_fov_rad)
-    return compose(
-        photo.pixels,
-        scene_light(estimate).environment.radiance,
-        Viewpoint(camera, pitch_rad=PITCH_RAD),
-        items,
-        ComposeSettings(QUALITY, "scalar", **changes),
-        estimate.framing.bottom,
-    )
+    placement = CameraPlacement(pitch_deg=PITCH_DEG, roll_deg=0.0)
+    settings = ComposeSettings(QUALITY, "scalar", **changes)
+    return compose_photo(PHOTOS / name, items, placement=placement, settings=settings)
 
 
 def small(picture: np.ndarray) -> np.ndarray:

@@ -38,7 +38,7 @@ def main() -> None:
             _side_by_side(sorted(out.glob("coffee.*.png"))),
             Image.open(out / "filmed.jpg"),
             Image.open(out / "softer.jpg"),
-            Image.open(out / "hall.bunny.png"),
+            Image.open(out / "meadow.bunny.png"),
         ]
         small = [_as_high(picture) for picture in pictures]
     rows = (small[:2], small[2:])
