@@ -12,7 +12,7 @@ import numpy as np
 
 from deeplight.frames import world_from_camera
 from deeplight.fuse.gains import overlaps
-from deeplight.fuse.merge import expected_power
+from deeplight.fuse.merge import expected_power, likely_factor
 from deeplight.fuse.session import Session
 from deeplight.mappings import mirror_ball
 
@@ -22,14 +22,20 @@ POSES = ((0.0, -0.1, 0.02), (0.2, -0.05, 0.0), (0.4, -0.15, -0.03), (0.02, 0.1, 
 """Yaw, pitch and roll of `world_from_camera` for each frame."""
 
 
-def frame(number: int) -> np.ndarray:
+FACTORS = ((1.0, 0.0, 2.7), (1.0, 2.0, 2.0), (0.5, 3.0, 9.0), (2.0, 0.1, 0.2), (0.01, 3.0, 40.0))
+"""Powers of what clips, of the rest and of the whole."""
+BRIGHTER = 70
+"""Levels by which the frames of the second light are brighter: there, much of the sky clips."""
+
+
+def frame(number: int, brighter: int = 0) -> np.ndarray:
     """8-bit pixels: a smooth sky in world directions under this frame's gain, clipped at 255."""
     yaw, pitch, _ = POSES[number]
     column, row = (np.arange(n) for n in (WIDTH, HEIGHT))
     across, down = (column - 27) / 48 - yaw, (row - 48) / 72 - pitch
     wave = np.sin(3 * across)[None, :] + np.cos(3 * down)[:, None]
     value = 135 + 40 * wave[..., None] + 12 * number * np.array([1.0, 0.5, 0.0]) + np.arange(3) * 9
-    return np.floor(np.clip(value, 0, 255)).astype(np.uint8)
+    return np.floor(np.clip(value + brighter, 0, 255)).astype(np.uint8)
 
 
 def estimate(number: int) -> np.ndarray:
@@ -57,6 +63,9 @@ def golden() -> dict[str, Any]:
     shared = overlaps(b, b_weight, a[None], a_weight[None])
     found = session.environment(height=ROWS)
     assert found.seen is not None
+    bright = Session(FOV_RAD, lambda _: estimate(0))
+    for number, pose in enumerate(POSES):
+        bright.add(frame(number, BRIGHTER), world_from_camera(*pose), estimate(number))
     return {
         "vertical_fov_rad": FOV_RAD,
         "poses": POSES,
@@ -71,6 +80,8 @@ def golden() -> dict[str, Any]:
         "expected_power": np.round(expected_power(session.views, session.gains), 5).tolist(),
         "environment": np.round(found.radiance, 5).tolist(),
         "seen": np.round(found.seen, 5).tolist(),
+        "environment_that_clips": np.round(bright.environment(height=ROWS).radiance, 5).tolist(),
+        "likely_factors": [[*f, round(likely_factor(*f), 6)] for f in FACTORS],
     }
 
 

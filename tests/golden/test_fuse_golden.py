@@ -42,5 +42,9 @@ def test_another_frame_would_be_noticed(
 ) -> None:
     stored = json.loads(make_fuse.GOLDEN.read_text(encoding="utf-8"))
     own = make_fuse.frame
-    monkeypatch.setattr(make_fuse, "frame", lambda k: np.minimum(own(k), 150 if k == 2 else 255))
+
+    def darker(number: int, *brighter: int) -> np.ndarray:
+        return np.minimum(own(number, *brighter), 150 if number == 2 else 255)
+
+    monkeypatch.setattr(make_fuse, "frame", darker)
     assert far(stored, json.loads(json.dumps(make_fuse.golden()))) > 2e-3

@@ -1,5 +1,6 @@
 """Laws of gathered light, on pans of a place that is known: seen pixels, power, turning, memory."""
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 from deeplight.errors import ConfigError, InputError, ShapeError
 from deeplight.frames import rotation
+from deeplight.fuse.merge import likely_factor
 from deeplight.fuse.session import CHANGED, PATIENCE, Session
 from deeplight.mappings import latlong, mirror_ball, resample
 from lab.pans import Pan, Sweep, Troubles, film_pan
@@ -93,16 +95,31 @@ def test_a_darker_exposure_says_what_clips_in_another() -> None:
     assert abs(peaks[1] / white - 1) > 0.15
 
 
-def test_clipped_lamps_get_the_power_that_the_estimates_have() -> None:
+def test_clipped_lamps_get_more_where_the_estimates_have_more() -> None:
     filmed = pan(Sweep(1), IDEAL, 3, 300.0)
-    bright = np.full_like(GREY, np.log(0.8))
-    found = gathered(filmed, estimate=bright).environment(height=HEIGHT)
     weight = latlong.solid_angles(HEIGHT, 2 * HEIGHT)[..., None]
-    power = (found.radiance * weight).sum((0, 1))
-    np.testing.assert_allclose(power, 1.2 * 0.8 * 4 * np.pi, rtol=0.1)
-    brightest = latlong.directions(HEIGHT, 2 * HEIGHT)[found.radiance.max(-1) > 3]
+    powers = []
+    for value in (0.2, 0.8, 3.2):
+        bright = np.full_like(GREY, np.log(value))
+        found = gathered(filmed, estimate=bright).environment(height=HEIGHT)
+        powers.append(
+            float(((found.radiance - value * (1 - found.seen[..., None])) * weight).sum())
+        )
+    assert powers[0] < powers[1] < powers[2]
+    brightest = latlong.directions(HEIGHT, 2 * HEIGHT)[found.radiance.max(-1) > 2 * 3.2]
     wanted = latlong.directions(128, 256)[55, 0, 1]
+    assert len(brightest)
     assert np.abs(brightest @ filmed.frames[0].rotation[1] - wanted).max() < 0.16
+
+
+def test_what_is_usual_and_the_estimates_together_say_how_bright_a_lamp_is() -> None:
+    usual = likely_factor(1.0, 0.0, math.exp(1.2))
+    assert usual == pytest.approx(math.exp(1.2), rel=0.03)  # both say so
+    assert likely_factor(1.0, 0.0, 1e-3) < usual
+    assert 1.0 < likely_factor(1.0, 9.0, 4.0) < usual  # little is missing
+    assert usual < likely_factor(1.0, 0.0, 6.0) < 6.0  # some is
+    sun = likely_factor(0.01, 3.0, 100.0)  # nothing usual explains what is missing
+    assert 1e3 < sun < 1e4
 
 
 def test_one_view_keeps_its_estimate_where_it_did_not_look() -> None:

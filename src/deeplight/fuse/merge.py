@@ -5,10 +5,10 @@ logarithms is the sharper map (a lamp that each view puts elsewhere does not sme
 their radiance has the right power. So the map is that of the logarithms, and the power that it
 lacks stands as one lobe where it is brightest: maps as logarithms, lamps as lamps.
 
-A clipped pixel says only how much light there is at least. The estimates' power, less all that is
-known to come from elsewhere, is what lamps must have for things to be lit as the network sees them
-lit; the clipped pixels get it, channel by channel, most where all channels clip (a coloured surface
-clips in one; a lamp in all) and where the estimates are bright, too.
+A clipped pixel says only how much light there is at least. How much more it is follows from what is
+usual and from the estimates' power, less all that comes from elsewhere: what lamps must have for
+things to be lit as the network sees them lit. It goes where most channels clip (a coloured surface
+clips in one; a lamp in all) and where the estimates are bright, too, in the estimates' colour.
 docs/fuse.md has the measurements behind each choice.
 """
 
@@ -26,10 +26,11 @@ from deeplight.mappings import latlong, mirror_ball, resample
 
 ESTIMATE_ROWS = 64
 """Rows of the panorama in which estimates are merged; a pixel of theirs is 7 degrees wide."""
-BRIGHTEST = 30.0
-"""Clipped pixels get at most this many times the bound's power."""
 _LEVEL = 0.5  # sine of the pitch at which an estimate's power counts 1 / e
 _DIM = 1.2  # what estimates lack: found on simulated pans, see docs/fuse.md
+_POWER_SIGMA = 0.6  # ln by which the whole light is off then, standard deviation
+_CLIPPED_LOG, _CLIPPED_SCALE = 1.2, 0.5  # ln of the factor by which clipped parts exceed white
+_LOG_STEP, _LOG_STEPS = 0.025, 400
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
 _LOBE_KAPPA = 250.0  # of the lobe of lost power: 5 degrees, a lamp and no glow
 _FIND_KAPPA = 12.0  # width in which the brightest place is looked for
@@ -160,18 +161,34 @@ def expected_power(views: Sequence[View], log_gain: Gains) -> Float[np.ndarray, 
 def _with_lamps(
     radiance: Panorama, mean: Panorama, seen: Seen, whole: Float[np.ndarray, "3"]
 ) -> Panorama:
-    """Clipped pixels with the power that the estimates have and nothing else explains."""
+    """Clipped pixels with the power that is likely for them."""
     height = len(radiance)
     solid_angle = latlong.solid_angles(height, 2 * height)
     power = np.einsum("hwc,hw->c", radiance, solid_angle)
     bound = np.einsum("hwc,hw->c", radiance, solid_angle * (seen.clipped > 0))
-    missing = np.maximum(whole - power, 0)
-    total = float((whole - power) @ LUMINANCE)
-    if total <= 0 or not missing.any():
-        return radiance
-    total = min(total, BRIGHTEST * float(bound @ LUMINANCE))
+    least, rest = float(bound @ LUMINANCE), float((power - bound) @ LUMINANCE)
     share = seen.clipped**3 * (radiance @ LUMINANCE) * (mean @ LUMINANCE) ** 2
     share = share / (share * solid_angle).sum()
-    colour = missing / (missing @ LUMINANCE)
-    result: np.ndarray = radiance + share[..., None] * (colour * total)
+    colour = np.einsum("hwc,hw->c", mean, share * solid_angle)
+    more = least * (likely_factor(least, rest, float(whole @ LUMINANCE)) - 1)
+    result: np.ndarray = radiance + share[..., None] * (colour * (more / (colour @ LUMINANCE)))
     return result.astype(np.float32)
+
+
+def likely_factor(bound: float, rest: float, whole: float) -> float:
+    """By how much clipped pixels are likely to be brighter than white, all in all.
+
+    Two things are known of it. It is about e^`_CLIPPED_LOG`, and now and then something quite
+    different (the sun): Cauchy's distribution. And the whole light is about `whole`, with an error
+    that is normal in its logarithm. The likeliest factor is looked for step by step.
+
+    Args:
+        bound: power of the clipped pixels if they were just white.
+        rest: power of everything else.
+        whole: power that the estimates speak for.
+    """
+    logs = np.arange(_LOG_STEPS + 1) * _LOG_STEP
+    off = np.log(whole / (rest + bound * np.exp(logs))) / _POWER_SIGMA
+    unusual = 2 * np.log(1 + ((logs - _CLIPPED_LOG) / _CLIPPED_SCALE) ** 2)
+    log: np.ndarray = logs[(off**2 + unusual).argmin()]
+    return float(np.exp(log))

@@ -14,7 +14,8 @@ import { blended, type Seen } from "./blend.ts";
 import type { Cells, View } from "./view.ts";
 import { logPower } from "./view.ts";
 
-const { BRIGHTEST, DIM, ESTIMATE_ROWS, FIND_KAPPA, FIND_ROWS, LEVEL, LOBE_KAPPA, NEAR } = FUSE;
+const { CLIPPED_LOG, CLIPPED_SCALE, DIM, ESTIMATE_ROWS, FIND_KAPPA, FIND_ROWS } = FUSE;
+const { LEVEL, LOBE_KAPPA, LOG_STEP, LOG_STEPS, NEAR, POWER_SIGMA } = FUSE;
 
 /** Views in one world with what was made of them. */
 export interface Gathered {
@@ -198,7 +199,7 @@ export function expectedPower(views: readonly View[], logGain: Float64Array): Ve
   }) as unknown as Vector3;
 }
 
-/** Gives clipped pixels the power that the estimates have and nothing else explains. */
+/** Gives clipped pixels the power that is likely for them. */
 function raiseLamps(
   radiance: Float32Array,
   mean: Float32Array,
@@ -207,27 +208,37 @@ function raiseLamps(
   height: number,
 ): void {
   const sr = rowSolidAngles(height);
-  const power = powerOf(radiance, height);
-  const beyond: Vector3 = [whole[0] - power[0], whole[1] - power[1], whole[2] - power[2]];
-  const missing: Vector3 = [Math.max(beyond[0], 0), Math.max(beyond[1], 0), Math.max(beyond[2], 0)];
-  let total = luminous(beyond);
-  if (total <= 0 || !missing.some((value) => value > 0)) return;
-  let [bound, shares] = [0, 0];
+  const colour: [number, number, number] = [0, 0, 0];
+  let [least, shares] = [0, 0];
   const share = new Float64Array(clipped.length);
   clipped.forEach((channels, i) => {
     if (!channels) return;
     const weight = sr[Math.floor(i / (2 * height))]!;
     const own = luminance(radiance, i);
-    bound += own * weight;
+    least += own * weight;
     share[i] = (channels / 3) ** 3 * own * luminance(mean, i) ** 2;
     shares += share[i]! * weight;
+    for (let c = 0; c < 3; c++) colour[c as 0 | 1 | 2] += mean[3 * i + c]! * share[i]! * weight;
   });
-  total = Math.min(total, BRIGHTEST * bound);
-  const all = luminous(missing);
+  const rest = luminous(powerOf(radiance, height)) - least;
+  const more = (least * (likelyFactor(least, rest, luminous(whole)) - 1)) / luminous(colour);
   for (let i = 0; i < radiance.length; i++) {
-    radiance[i]! +=
-      (share[Math.floor(i / 3)]! / shares) * (missing[(i % 3) as 0 | 1 | 2] / all) * total;
+    const own = share[Math.floor(i / 3)]!;
+    if (own) radiance[i]! += (own / shares) * colour[(i % 3) as 0 | 1 | 2] * more;
   }
+}
+
+/** By how much clipped pixels are likely to be brighter than white, all in all. */
+export function likelyFactor(bound: number, rest: number, whole: number): number {
+  let [best, least] = [0, Number.POSITIVE_INFINITY];
+  for (let k = 0; k <= LOG_STEPS; k++) {
+    const log = k * LOG_STEP;
+    const off = Math.log(whole / (rest + bound * Math.exp(log))) / POWER_SIGMA;
+    const unusual = 2 * Math.log(1 + ((log - CLIPPED_LOG) / CLIPPED_SCALE) ** 2);
+    const cost = off ** 2 + unusual;
+    if (cost < least) [best, least] = [log, cost];
+  }
+  return Math.exp(best);
 }
 
 function turnedAll(directions: Float32Array, m: Matrix3x3): Float32Array {

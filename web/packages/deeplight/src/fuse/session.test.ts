@@ -3,7 +3,7 @@ import { expect, test } from "vitest";
 import type { Matrix3x3 } from "../light/matrix.ts";
 import { pixelDirection } from "../light/mirror-ball.ts";
 import { overlapOf, placesOf } from "./gains.ts";
-import { expectedPower } from "./merge.ts";
+import { expectedPower, likelyFactor } from "./merge.ts";
 import { Session } from "./session.ts";
 import { cellsOf, type SmallPicture, smallSize } from "./view.ts";
 
@@ -13,7 +13,7 @@ const stored = JSON.parse(
 );
 const [HEIGHT, WIDTH] = [96, 54];
 
-function frame(number: number): SmallPicture {
+function frame(number: number, brighter = 0): SmallPicture {
   const [yaw, pitch] = stored.poses[number] as number[];
   const pixels = new Uint8Array(3 * HEIGHT * WIDTH);
   for (let i = 0; i < pixels.length; i++) {
@@ -21,7 +21,7 @@ function frame(number: number): SmallPicture {
     const across = (column - 27) / 48 - yaw!;
     const down = (row - 48) / 72 - pitch!;
     const wave = Math.sin(3 * across) + Math.cos(3 * down);
-    const value = 135 + 40 * wave + 12 * number * [1, 0.5, 0][i % 3]! + (i % 3) * 9;
+    const value = 135 + 40 * wave + 12 * number * [1, 0.5, 0][i % 3]! + (i % 3) * 9 + brighter;
     pixels[i] = Math.floor(Math.min(Math.max(value, 0), 255));
   }
   return { pixels, width: WIDTH, height: HEIGHT, verticalFovRad: stored.vertical_fov_rad };
@@ -110,6 +110,19 @@ test("the light is Python's, and with another frame it is not", () => {
   expect(far(seen, stored.seen.flat())).toBeLessThan(2e-3);
   const other = session(2).made.environment(16);
   expect(far(other.radiance, stored.environment.flat(2))).toBeGreaterThan(2e-3);
+});
+
+test("what clips is as bright as in Python, and less is not", () => {
+  const [bright, less] = [70, 60].map((brighter) => {
+    const made = new Session();
+    for (let k = 0; k < 4; k++) made.add(frame(k, brighter), pose(k), estimate(k));
+    return made.environment(16).radiance;
+  });
+  expect(far(bright!, stored.environment_that_clips.flat(2))).toBeLessThan(2e-3);
+  expect(far(less!, stored.environment_that_clips.flat(2))).toBeGreaterThan(2e-3);
+  for (const [bound, rest, whole, factor] of stored.likely_factors) {
+    expect(likelyFactor(bound, rest, whole)).toBeCloseTo(factor, 4);
+  }
 });
 
 test("three views of another place in a row, and what was before is forgotten", () => {
