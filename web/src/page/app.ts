@@ -26,7 +26,7 @@ import { LightPanel } from "./light-panel.ts";
 import { Meter } from "./meter.ts";
 import type { ModelLoader } from "./model-loader.ts";
 import type { Notice } from "./notice.ts";
-import { RoomView } from "./room-view.ts";
+import type { RoomView } from "./room-view.ts";
 import { type Event, facingOf, next, pictureOf, START, type State } from "./state.ts";
 import { type Looked, type Seen, Watch } from "./watch.ts";
 
@@ -39,7 +39,7 @@ export class App {
   readonly stage: Stage;
   readonly hand: Hand;
   readonly showroom: Showroom;
-  private readonly room: RoomView;
+  private room: RoomView | null = null;
   readonly sensor = new OrientationSensor();
   /** Called when the picture, the pose or the tools' state have changed. */
   onChange: () => void = () => {};
@@ -72,10 +72,6 @@ export class App {
     this.stage.onLost = () => notice.show(new Failure("graphics-lost"));
     this.hand = new Hand(this.stage);
     this.showroom = new Showroom(this.stage);
-    this.room = new RoomView(this.stage, this.showroom, model, {
-      ended: () => this.leave(),
-      failed: (error) => notice.show(error),
-    });
     new Gestures(canvas("view"), this.hand);
     this.sensor.onReading = () => this.moved();
     this.sensor.onFirstReading = () => this.placeAgain();
@@ -117,6 +113,11 @@ export class App {
     this.go({ what: "room-entered" });
     const opening = this.state;
     try {
+      const { RoomView } = await import("./room-view.ts");
+      this.room ??= new RoomView(this.stage, this.showroom, this.model, {
+        ended: () => this.leave(),
+        failed: (error) => this.notice.show(error),
+      });
       await this.room.open();
       box("start").hidden = true;
     } catch (error) {

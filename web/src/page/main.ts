@@ -9,7 +9,6 @@ import { connectIntake } from "./intake.ts";
 import { ModelLoader } from "./model-loader.ts";
 import { Notice, offerUpdate } from "./notice.ts";
 import { keepOffline } from "./offline.ts";
-import { canShowRoom } from "./room-view.ts";
 
 const PATIENCE_MS = 2000;
 /** How long after the first light the page is kept for offline use, and after how long without any. */
@@ -37,10 +36,7 @@ function start(): void {
     photo: (file) => void app.openPhoto(file),
     model: (file) => void desk.openModel(file),
   });
-  button("open-room").addEventListener("click", () => void app.openRoom());
-  void canShowRoom().then((is) => {
-    button("open-room").hidden = !is;
-  });
+  void offerRoom(app);
   showExamples(app);
   void desk.choose();
   // Starting the graphics blocks the page, so it happens when there is time, or when a picture is to be shown.
@@ -52,6 +48,14 @@ function start(): void {
     .catch((error: unknown) => {
       console.warn("not kept offline:", error);
     });
+}
+
+/** Where the browser can put the object into the real room. */
+async function offerRoom(app: App): Promise<void> {
+  if (!(await navigator.xr?.isSessionSupported("immersive-ar").catch(() => false))) return;
+  await import("./room-view.ts"); // before the tap, which does not wait for long
+  button("open-room").addEventListener("click", () => void app.openRoom());
+  button("open-room").hidden = false;
 }
 
 function showExamples(app: App): void {

@@ -20,11 +20,6 @@ const HINTS = {
   dark: "This device shows no camera pictures to the page: the light is its own estimate.",
 } as const;
 
-/** Whether this browser can show an object in the room. */
-export async function canShowRoom(): Promise<boolean> {
-  return (await navigator.xr?.isSessionSupported("immersive-ar").catch(() => false)) ?? false;
-}
-
 export class RoomView {
   private tracking: SessionTracking | null = null;
   private room: Room | null = null;

@@ -1,7 +1,6 @@
 /** The objects to choose from, and the one that stands in the picture. */
 import { BuiltIn, type BuiltInFacts, builtIns } from "./built-in.ts";
 import type { Exhibit } from "./exhibit.ts";
-import { OwnObject } from "./glb.ts";
 import { MATERIALS, type MaterialName } from "./material.ts";
 import type { Stage } from "./stage.ts";
 
@@ -47,6 +46,7 @@ export class Showroom {
 
   /** @throws Failure `glb-too-large` or `glb-broken`; what stood there stays. */
   async open(file: File): Promise<void> {
+    const { OwnObject } = await import("./glb.ts"); // with three.js's reader: not before it is needed
     const exhibit = await OwnObject.open(file);
     this.made.get(OWN)?.dispose();
     this.made.set(OWN, exhibit);
