@@ -23,6 +23,7 @@ from deeplight.errors import ConfigError, InputError, MissingExtraError
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
+_GONE_S = 1.0
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _QUIET = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
 
@@ -127,6 +128,8 @@ def processes(
             pool.shutdown(wait=False, cancel_futures=True)
             for child in children:
                 child.terminate()
+            for child in children:  # whoever cleans up after them must find them gone
+                child.join(_GONE_S)
             raise
 
 

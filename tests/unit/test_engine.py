@@ -1,14 +1,16 @@
 """The engine: every job once, faults where they belong, the same results wherever it runs."""
 
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from deeplight.errors import ConfigError
+from deeplight.io.atomic import only_run
 from deeplight.jobs import Engine, run
-from jobs import Sum, add_up, threads_allowed
+from jobs import Sum, add_up, fail_next_to_a_writer, threads_allowed
 
 
 def outcome(jobs: list[Sum], engine: Engine) -> dict[int, int | str | None]:
@@ -45,6 +47,14 @@ def test_an_interrupt_begins_no_further_job(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         results.throw(KeyboardInterrupt)  # type: ignore[attr-defined]
     assert [path.name for path in tmp_path.iterdir()] == ["0.txt"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs process ids that can be asked")
+def test_what_ended_workers_were_writing_is_removed_at_once(tmp_path: Path) -> None:
+    jobs = [Sum(0, tmp_path), Sum(1, tmp_path)]
+    with pytest.raises(OSError, match="full"), only_run(tmp_path):
+        list(run(jobs, fail_next_to_a_writer, Engine(workers=2)))
+    assert [path.name for path in tmp_path.rglob("*")] == ["deep"]
 
 
 def test_a_process_has_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
