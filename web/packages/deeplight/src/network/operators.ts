@@ -113,6 +113,10 @@ function broadcast(a: Dense, b: Dense, put: (a: number, b: number) => number): D
     }
     return m === 1 ? n : m;
   });
+  // Whole pictures with one number: the places need not be looked up.
+  const [own, other] = [a.data[0]!, b.data[0]!];
+  if (b.data.length === 1) return { shape, data: a.data.map((value) => put(value, other)) };
+  if (a.data.length === 1) return { shape, data: b.data.map((value) => put(own, value)) };
   const [from, and] = [steps(a.shape, rank), steps(b.shape, rank)];
   return walked(shape, [from, and], ([i, j]) => put(a.data[i!]!, b.data[j!]!));
 }
@@ -159,11 +163,20 @@ function reduced(x: Dense, axes: number[] | undefined, keeps: boolean, how: Redu
   const gone = new Set((axes ?? x.shape.map((_, i) => i)).map((axis) => positive(axis, rank)));
   const shape = x.shape.map((n, axis) => (gone.has(axis) ? 1 : n));
   const result = new Float64Array(shape.reduce((a, b) => a * b, 1)).fill(how.start);
-  walked(x.shape, [ownSteps(x.shape), steps(shape, rank)], ([from, to]) => {
-    result[to!] = how.add(result[to!]!, x.data[from!]!);
-    return 0;
-  });
   const count = x.data.length / result.length;
+  const kept = x.shape.findLastIndex((n, axis) => n > 1 && !gone.has(axis));
+  if (x.shape.every((n, axis) => axis > kept || n === 1 || !gone.has(axis))) {
+    // What goes lies together, so the places need not be looked up.
+    x.data.forEach((value, i) => {
+      const to = Math.floor(i / count);
+      result[to] = how.add(result[to]!, value);
+    });
+  } else {
+    walked(x.shape, [ownSteps(x.shape), steps(shape, rank)], ([from, to]) => {
+      result[to!] = how.add(result[to!]!, x.data[from!]!);
+      return 0;
+    });
+  }
   const data = Float32Array.from(result, (sum) => how.end(sum, count));
   return { shape: keeps ? shape : shape.filter((_, axis) => !gone.has(axis)), data };
 }
