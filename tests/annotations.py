@@ -119,10 +119,10 @@ def kind_of(value: Any) -> Hashable:
         return (kind, value)
     if isinstance(value, tuple | list):
         return (kind, parts) if (parts := _kinds_of(value)) is not None else None
-    if isinstance(value, Mapping):
+    if kind is dict:
         keys, values = _kinds_of(tuple(value)), _kinds_of(tuple(value.values()))
         return None if keys is None or values is None else (kind, keys, values)
-    if isinstance(value, set | frozenset):
+    if isinstance(value, Mapping | set | frozenset):  # looking into a mapping may call checked code
         return None
     if not hasattr(kind, "dtype"):  # asking the value may call a checked function
         return kind

@@ -128,7 +128,7 @@ def test_the_tables_hold_every_method_and_say_who_is_better() -> None:
 
 
 def test_the_kept_step_is_the_best_on_held_out_views() -> None:
-    config = SimpleNamespace(name="rival", batch_size=32)
+    config = SimpleNamespace(name="rival", batch_size=32, encoder="ours")
     rival = SimpleNamespace(config=config, history=[[10, 2.0, 3.0], [20, 1.0, 2.5], [30, 0.5, 2.8]])
     assert history([rival])[-1] == "| rival | 30 | 960 | 20 | 1.00, 2.50 |"
     worse = replace_history(rival)

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+import tyro
 from jaxtyping import Float32
 
 from deeplight.contract import HEADS, ModelContract
@@ -25,7 +26,7 @@ class Refinement:
     lamp_gain: float = 0.0
     """ln of what the lamps' flux is multiplied by: on new places a network makes them fainter than
     they are. Choose it on validation places."""
-    heads: tuple[str, ...] = ()
+    heads: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Data sets whose photos teach it to say what camera took a photo and how sure its light is;
     their validation places set how sure. Some minutes."""
 

@@ -200,7 +200,9 @@ def _frames_from(path: Path, from_s: float, spring: bool) -> Iterator[VideoFrame
             if size != (frame.width, frame.height):
                 raise damaged(path, "its frames change their size")
             in_all = count + skipped
-            time_s = in_all / float(rate or 30) if frame.pts is None else frame.time
+            time_s = math.nan if frame.pts is None else float(frame.time)
+            if not math.isfinite(time_s):  # a broken clock gives no number, too
+                time_s = in_all / float(rate or 30)
             if time_s < from_s:
                 skipped += 1
                 continue
