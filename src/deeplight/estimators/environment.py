@@ -62,9 +62,11 @@ class SceneLight:
 
     def softened(self, radius_rad: float) -> Self:
         """The same light with its lamps as glows of about this radius: what is known of lamps
-        whose direction may be off by so much. Power is kept.
+        whose direction may be off by so much.
 
-        Lamps that the photo shows, and wider ones, stay; no glow falls into the photo.
+        A surface that faces a lamp is as bright as before: a glow's edges fall on it aslant, so
+        the glow has more flux than the lamp had, 1.27 times at 55 degrees. Lamps that the photo
+        shows, and wider ones, stay; no glow falls into the photo.
         """
         size = self.seen.shape
         directions, solid_angle = latlong.directions(*size), latlong.solid_angles(*size)
@@ -77,7 +79,8 @@ class SceneLight:
             cosine = directions @ lamp.direction.astype(np.float32)
             glow = np.exp(np.float32(concentration_of(radius_rad)) * (cosine - 1))
             glow *= 1 - self.seen
-            radiance = (lamp.flux / float((glow * solid_angle).sum())).astype(np.float32)
+            facing = float((glow * np.maximum(cosine, 0) * solid_angle).sum())
+            radiance = (lamp.irradiance / facing).astype(np.float32)
             rest += glow[..., None] * radiance
         return replace(self, rest=rest, lamps=tuple(kept))
 
