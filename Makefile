@@ -14,7 +14,7 @@ EXTRAS := capture,cluster,dev,heic,litert,raw,render,sun,train,usd
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test slow lint coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci clean
+.PHONY: help run test slow lint coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci npm-package npm-test release release-test release-version clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
@@ -31,6 +31,8 @@ help:
 	@echo "make round-trip  our light in Mitsuba, Blender, three.js, Babylon.js (node, chromium)"
 	@echo "make web    build the live page that \`deeplight demo\` serves (node 20 or newer)"
 	@echo "make web-test, web-e2e   its unit tests; the built page in a real browser"
+	@echo "make npm-package, npm-test   build the npm package, gate its size; try it in a bare project"
+	@echo "make release, release-test   all that is published, in dist/; the wheel in an empty environment"
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.installed-base
@@ -69,7 +71,7 @@ ci: lint web-ci test
 
 web-ci:
 	@if command -v npm >/dev/null && node -e 'process.exit(process.versions.node.split(".")[0] < 20 ? 1 : 0)'; \
-		then $(MAKE) web-test web; \
+		then $(MAKE) web-test npm-package; \
 		else echo "skipped: the live page's tests and build need node 20 or newer"; fi
 
 bench: $(VENV)/.installed-test
@@ -123,6 +125,41 @@ web-test: web/node_modules/.installed
 
 web-e2e: web
 	npm run --silent --prefix web e2e
+
+# The package that the page is built on. Both together: the gate measures both.
+npm-package: web
+	npm run --silent --prefix web build --workspace deeplight
+	npm run --silent --prefix web sizes
+
+# From the packed file, in a bare project with the registry's renderers: minutes, 400 MB, chromium.
+npm-test: web/node_modules/.installed $(VENV)/.installed-base
+	npm run --silent --prefix web tarball
+
+# The wheel is made out of the sdist, so the sdist has all that it takes; both hold the built page.
+RELEASE := dist
+VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+
+release: npm-package $(VENV)/.created
+	rm -rf $(RELEASE) && mkdir $(RELEASE)
+	$(PIP) install --quiet "hatchling>=1.27"
+	$(BIN)/python -m hatchling build --target sdist --directory $(RELEASE)
+	$(PIP) wheel --quiet --no-deps --no-build-isolation --wheel-dir $(RELEASE) $(RELEASE)/deeplight-$(VERSION).tar.gz
+	npm pack --silent --ignore-scripts --prefix web --workspace deeplight --pack-destination $(abspath $(RELEASE))
+	$(BIN)/python blender/build.py $(RELEASE)
+	cd src/deeplight/demo/site && $(abspath $(BIN))/python -m zipfile --create $(abspath $(RELEASE))/deeplight-page-$(VERSION).zip *
+	cd $(RELEASE) && mv deeplight-$(VERSION).tgz deeplight-npm-$(VERSION).tgz && sha256sum deeplight* > SHA256SUMS
+
+release-version:
+	@test "$(TAG)" = "v$(VERSION)" || { echo "expected the tag v$(VERSION) of pyproject.toml, got $(TAG)"; exit 2; }
+	@for file in CHANGELOG.md web/packages/deeplight/CHANGELOG.md; do grep -q '^## $(VERSION)' $$file \
+		|| { echo "expected a heading $(VERSION) in $$file, got none"; exit 2; }; done
+
+# Nothing but the wheel and what it asks for: no checkout on the path, no extras.
+release-test:
+	rm -rf out/release && mkdir -p out/release
+	$(PYTHON) -m venv out/release/venv
+	out/release/venv/bin/python -m pip --disable-pip-version-check install --quiet $(RELEASE)/deeplight-$(VERSION)-py3-none-any.whl
+	cd out/release && env -u PYTHONPATH venv/bin/python $(CURDIR)/tests/packaging/release.py $(abspath $(RELEASE)) $(CURDIR)/examples/photos
 
 web/node_modules/.installed: web/package-lock.json
 	@command -v npm >/dev/null || { echo "needs node 20 or newer and npm (Debian: apt-get install nodejs npm)"; exit 2; }

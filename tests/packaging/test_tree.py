@@ -81,6 +81,7 @@ def test_every_place_names_the_same_version(root: Path) -> None:
     ]
     assert headings[0].split()[1] == stated
     assert f"\nversion: {stated}\n" in (root / "CITATION.cff").read_text()
+    assert f'"version": "{stated}"' in (root / "web/packages/deeplight/package.json").read_text()
     initial = (root / "src" / "deeplight" / "__init__.py").read_text()
     assert "__version__" not in initial or f'__version__ = "{stated}"' in initial
 

@@ -1,4 +1,5 @@
 // npm run sizes: what a visitor fetches before the first light, and whether that is within bounds.
+// With -- --brotli also what brotli makes of it, which takes half a minute.
 import { readdir, readFile } from "node:fs/promises";
 import { fileURLToPath } from "node:url";
 import { brotliCompressSync, gzipSync } from "node:zlib";
@@ -6,6 +7,7 @@ import { brotliCompressSync, gzipSync } from "node:zlib";
 const SITE = fileURLToPath(new URL("../../src/deeplight/demo/site/", import.meta.url));
 const PACKAGE = fileURLToPath(new URL("../packages/deeplight/dist/", import.meta.url));
 const MB = 1e6;
+const WITH_BROTLI = process.argv.includes("--brotli");
 
 /** Fetched only for the user's own object, and where there is a room to put one into. */
 const LATER = /^(draco|meshopt|glb|room-view)/;
@@ -65,7 +67,7 @@ for (const { what, files: paths, most } of SUMS) {
     files: files.length,
     bytes: sum((file) => file.length),
     gzip,
-    brotli: sum((file) => brotliCompressSync(file).length),
+    ...(WITH_BROTLI ? { brotli: sum((file) => brotliCompressSync(file).length) } : {}),
     "gzip at most": most,
   });
 }

@@ -36,7 +36,8 @@ def panorama(scene, path):
     scene.camera = camera
     render = scene.render
     render.engine, render.film_transparent = "CYCLES", False
-    scene.cycles.samples, scene.cycles.use_denoising = 16, False
+    scene.cycles.samples, scene.cycles.use_denoising = 64, False
+    scene.cycles.pixel_filter_type = "BOX"  # the usual one blurs over the pixel's edge
     render.threads_mode, render.threads = "FIXED", 1
     render.resolution_x, render.resolution_y, render.resolution_percentage = 128, 64, 100
     render.image_settings.file_format = "OPEN_EXR"
