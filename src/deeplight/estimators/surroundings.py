@@ -40,8 +40,14 @@ def smooth_map(
 
     Linear in the ball; each ball pixel's power is kept, and even light stays even.
     """
-    small = _spreading(len(ball)) @ ball.reshape(-1, 3).astype(np.float32)
-    small = small.reshape(_ROWS, 2 * _ROWS, 3)
+    kernel = _quarter(len(ball))
+    small = np.empty((_ROWS, 2 * _ROWS, 3), np.float32)
+    turns = [(down, across) for down in (1, -1) for across in (1, -1)]
+    balls = np.stack([ball[::down, ::across] for down, across in turns], axis=2)
+    found = kernel @ balls.reshape(len(kernel[0]), -1).astype(np.float32)
+    quarters = np.moveaxis(found.reshape(_ROWS // 2, _ROWS, len(turns), 3), 2, 0)
+    for (down, across), quarter in zip(turns, quarters, strict=True):
+        small[::down, ::across][: _ROWS // 2, :_ROWS] = quarter
     return kept_power(enlarged(small, height), power_of(small))
 
 
@@ -134,6 +140,14 @@ def _edge(
 
 
 @lru_cache(maxsize=2)
+def _quarter(size: int) -> Float32[np.ndarray, "texels pixels"]:
+    """The part of `_spreading` for texels up and to the left: the others mirror it."""
+    whole = _spreading(size).reshape(_ROWS, 2 * _ROWS, -1)
+    quarter = np.ascontiguousarray(whole[: _ROWS // 2, :_ROWS]).reshape(-1, size * size)
+    quarter.setflags(write=False)
+    return quarter
+
+
 def _spreading(size: int) -> Float32[np.ndarray, "texels pixels"]:
     """How each texel of the map is mixed from the ball's pixels.
 
@@ -157,7 +171,6 @@ def _spreading(size: int) -> Float32[np.ndarray, "texels pixels"]:
         kernel /= kernel.sum(1, keepdims=True)
         held = weights @ kernel
         kernel *= np.divide(lit, held, out=np.zeros_like(lit), where=held > 0)
-    kernel.setflags(write=False)
     return kernel
 
 
