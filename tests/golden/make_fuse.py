@@ -22,8 +22,14 @@ POSES = ((0.0, -0.1, 0.02), (0.2, -0.05, 0.0), (0.4, -0.15, -0.03), (0.02, 0.1, 
 """Yaw, pitch and roll of `world_from_camera` for each frame."""
 
 
-FACTORS = ((1.0, 0.0, 2.7), (1.0, 2.0, 2.0), (0.5, 3.0, 9.0), (2.0, 0.1, 0.2), (0.01, 3.0, 40.0))
-"""Powers of what clips, of the rest and of the whole."""
+FACTORS = (
+    (1.0, 0.0, 2.7, 4.0),
+    (1.0, 2.0, 2.0, 4.0),
+    (0.5, 3.0, 9.0, 10.0),
+    (2.0, 0.1, 0.2, 4.0),
+    (0.01, 3.0, 40.0, 10.0),
+)
+"""Powers of what clips, of the rest and of the whole, and the usual factor."""
 BRIGHTER = 70
 """Levels by which the frames of the second light are brighter: there, much of the sky clips."""
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from deeplight.errors import ConfigError, InputError, ShapeError
-from deeplight.frames import rotation
-from deeplight.fuse.merge import likely_factor
+from deeplight.frames import rotation, world_from_camera
+from deeplight.fuse.merge import likely_factor, usual_factor
 from deeplight.fuse.session import CHANGED, PATIENCE, Session
 from deeplight.mappings import latlong, mirror_ball, resample
 from lab.pans import Pan, Sweep, Troubles, film_pan
@@ -113,13 +113,29 @@ def test_clipped_lamps_get_more_where_the_estimates_have_more() -> None:
 
 
 def test_what_is_usual_and_the_estimates_together_say_how_bright_a_lamp_is() -> None:
-    usual = likely_factor(1.0, 0.0, math.exp(1.2))
-    assert usual == pytest.approx(math.exp(1.2), rel=0.03)  # both say so
-    assert likely_factor(1.0, 0.0, 1e-3) < usual
-    assert 1.0 < likely_factor(1.0, 9.0, 4.0) < usual  # little is missing
-    assert usual < likely_factor(1.0, 0.0, 6.0) < 6.0  # some is
-    sun = likely_factor(0.01, 3.0, 100.0)  # nothing usual explains what is missing
+    usual = math.exp(1.2)
+    assert likely_factor(1.0, 0.0, usual, usual) == pytest.approx(usual, rel=0.03)  # both say so
+    assert likely_factor(1.0, 0.0, 1e-3, usual) < usual
+    assert 1.0 < likely_factor(1.0, 9.0, 4.0, usual) < usual  # little is missing
+    assert usual < likely_factor(1.0, 0.0, 6.0, usual) < 6.0  # some is
+    sun = likely_factor(0.01, 3.0, 100.0, usual)  # nothing usual explains what is missing
     assert 1e3 < sun < 1e4
+
+
+def test_what_clips_overhead_is_usually_brighter_than_a_window() -> None:
+    sines = np.linspace(-1, 1, 41)
+    factors = usual_factor(sines)
+    assert (np.diff(factors) >= 0).all()
+    assert factors[0] == factors[sines < 0.25].max() < 0.5 * factors[-1]
+    white = np.full((96, 54, 3), 255, np.uint8)
+    powers = []
+    for pitch in (0.0, 0.9):
+        session = Session(1.1, lambda _: GREY)
+        for yaw in (0.0, np.pi):  # up is what most frames agree on
+            session.add(white // 3, world_from_camera(yaw, 0.0))
+        session.add(white, world_from_camera(np.pi / 2, pitch))
+        powers.append(float(session.environment(height=HEIGHT).lighting.power().sum()))
+    assert powers[1] > 1.15 * powers[0]
 
 
 def test_one_view_keeps_its_estimate_where_it_did_not_look() -> None:

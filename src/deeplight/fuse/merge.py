@@ -29,7 +29,9 @@ ESTIMATE_ROWS = 64
 _LEVEL = 0.5  # sine of the pitch at which an estimate's power counts 1 / e
 _DIM = 1.2  # what estimates lack: found on simulated pans, see docs/fuse.md
 _POWER_SIGMA = 0.6  # ln by which the whole light is off then, standard deviation
-_CLIPPED_LOG, _CLIPPED_SCALE = 1.2, 0.5  # ln of the factor by which clipped parts exceed white
+_CLIPPED_LOG, _CLIPPED_SCALE = 1.4, 0.5  # ln of the factor by which clipped parts exceed white
+_CLIPPED_HIGH_LOG = 2.3  # the same of what is overhead: lamps and the sun, not windows
+_HIGH_FROM, _HIGH_TO = 0.3, 0.6  # sine of the elevation between which one becomes the other
 _LOG_STEP, _LOG_STEPS = 0.025, 400
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
 _LOBE_KAPPA = 250.0  # of the lobe of lost power: 5 degrees, a lamp and no glow
@@ -73,7 +75,8 @@ def environment_of(
     radiance = known * seen.radiance + (1 - known) * logs
     radiance += _lost_lobe(logs, mean, 1 - seen.share)
     if seen.clipped.any():
-        radiance = _with_lamps(radiance, mean, seen, expected_power(views, log_gain))
+        up = up_of(views) @ world_from_frame
+        radiance = _with_lamps(radiance, mean, seen, expected_power(views, log_gain), up)
     return Environment(radiance, np.clip(seen.share, 0, 1))
 
 
@@ -142,6 +145,13 @@ def _brightest(power: Panorama) -> Float32[np.ndarray, "3"]:
     return directions[int((near @ coarse).argmax())]
 
 
+def up_of(views: Sequence[View]) -> Float[np.ndarray, "3"]:
+    """Where up is in the world: people hold phones straight."""
+    up = np.mean([view.world_from_camera[:, 1] for view in views], axis=0)
+    result: np.ndarray = up / max(float(np.linalg.norm(up)), 1e-9)
+    return result
+
+
 def expected_power(views: Sequence[View], log_gain: Gains) -> Float[np.ndarray, "3"]:
     """Radiance summed over all directions that the estimates speak for, per channel.
 
@@ -149,8 +159,7 @@ def expected_power(views: Sequence[View], log_gain: Gains) -> Float[np.ndarray, 
     too much. So views count by how level they look, and between the mean of their power and that
     of its logarithm, which is too dark, stands the square of the mean root.
     """
-    up = np.mean([view.world_from_camera[:, 1] for view in views], axis=0)
-    up = up / max(float(np.linalg.norm(up)), 1e-9)
+    up = up_of(views)
     weight = np.array([np.exp(-((view.towards @ up / _LEVEL) ** 2)) for view in views])
     weight = weight / weight.sum()
     roots = np.exp((np.stack([log_power(view) for view in views]) - log_gain) / 2)
@@ -159,36 +168,49 @@ def expected_power(views: Sequence[View], log_gain: Gains) -> Float[np.ndarray, 
 
 
 def _with_lamps(
-    radiance: Panorama, mean: Panorama, seen: Seen, whole: Float[np.ndarray, "3"]
+    radiance: Panorama,
+    mean: Panorama,
+    seen: Seen,
+    whole: Float[np.ndarray, "3"],
+    up: Float[np.ndarray, "3"],
 ) -> Panorama:
     """Clipped pixels with the power that is likely for them."""
     height = len(radiance)
     solid_angle = latlong.solid_angles(height, 2 * height)
-    power = np.einsum("hwc,hw->c", radiance, solid_angle)
-    bound = np.einsum("hwc,hw->c", radiance, solid_angle * (seen.clipped > 0))
-    least, rest = float(bound @ LUMINANCE), float((power - bound) @ LUMINANCE)
+    power = (radiance @ LUMINANCE) * solid_angle
+    bound = power * (seen.clipped > 0)
+    least, rest = float(bound.sum()), float((power - bound).sum())
+    usual = float((bound * usual_factor(latlong.directions(height, 2 * height) @ up)).sum() / least)
     share = seen.clipped**3 * (radiance @ LUMINANCE) * (mean @ LUMINANCE) ** 2
     share = share / (share * solid_angle).sum()
     colour = np.einsum("hwc,hw->c", mean, share * solid_angle)
-    more = least * (likely_factor(least, rest, float(whole @ LUMINANCE)) - 1)
+    more = least * (likely_factor(least, rest, float(whole @ LUMINANCE), usual) - 1)
     result: np.ndarray = radiance + share[..., None] * (colour * (more / (colour @ LUMINANCE)))
     return result.astype(np.float32)
 
 
-def likely_factor(bound: float, rest: float, whole: float) -> float:
+def usual_factor(sine: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """By how much what clips at an elevation (its sine) is usually brighter than white."""
+    high = np.clip((sine - _HIGH_FROM) / (_HIGH_TO - _HIGH_FROM), 0, 1)
+    result: np.ndarray = np.exp(_CLIPPED_LOG + (_CLIPPED_HIGH_LOG - _CLIPPED_LOG) * high)
+    return result
+
+
+def likely_factor(bound: float, rest: float, whole: float, usual: float) -> float:
     """By how much clipped pixels are likely to be brighter than white, all in all.
 
-    Two things are known of it. It is about e^`_CLIPPED_LOG`, and now and then something quite
-    different (the sun): Cauchy's distribution. And the whole light is about `whole`, with an error
+    Two things are known of it. It is about `usual`, and now and then something quite different
+    (the sun): Cauchy's distribution. And the whole light is about `whole`, with an error
     that is normal in its logarithm. The likeliest factor is looked for step by step.
 
     Args:
         bound: power of the clipped pixels if they were just white.
         rest: power of everything else.
         whole: power that the estimates speak for.
+        usual: factor of such pixels in other places.
     """
     logs = np.arange(_LOG_STEPS + 1) * _LOG_STEP
     off = np.log(whole / (rest + bound * np.exp(logs))) / _POWER_SIGMA
-    unusual = 2 * np.log(1 + ((logs - _CLIPPED_LOG) / _CLIPPED_SCALE) ** 2)
+    unusual = 2 * np.log(1 + ((logs - np.log(usual)) / _CLIPPED_SCALE) ** 2)
     log: np.ndarray = logs[(off**2 + unusual).argmin()]
     return float(np.exp(log))

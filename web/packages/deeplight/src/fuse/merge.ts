@@ -14,7 +14,8 @@ import { blended, type Seen } from "./blend.ts";
 import type { Cells, View } from "./view.ts";
 import { logPower } from "./view.ts";
 
-const { CLIPPED_LOG, CLIPPED_SCALE, DIM, ESTIMATE_ROWS, FIND_KAPPA, FIND_ROWS } = FUSE;
+const { CLIPPED_HIGH_LOG, CLIPPED_LOG, CLIPPED_SCALE, DIM, ESTIMATE_ROWS } = FUSE;
+const { FIND_KAPPA, FIND_ROWS, HIGH_FROM, HIGH_TO } = FUSE;
 const { LEVEL, LOBE_KAPPA, LOG_STEP, LOG_STEPS, NEAR, POWER_SIGMA } = FUSE;
 
 /** Views in one world with what was made of them. */
@@ -45,7 +46,8 @@ export function environmentOf(
   });
   addLostLobe(radiance, logs!, mean!, seen.share, height);
   if (seen.clipped.some((channels) => channels > 0)) {
-    raiseLamps(radiance, mean!, seen, expectedPower(views, logGain), height);
+    const rises = rising(directions, upOf(views));
+    raiseLamps(radiance, mean!, seen, expectedPower(views, logGain), rises, height);
   }
   return { radiance, seen: seen.share, height };
 }
@@ -179,14 +181,28 @@ const nearness = remembered((rows: number): Float32Array => {
   });
 });
 
-/** Radiance summed over all directions that the estimates speak for, RGB. */
-export function expectedPower(views: readonly View[], logGain: Float64Array): Vector3 {
+/** Where up is in the world: people hold phones straight. */
+function upOf(views: readonly View[]): Vector3 {
   const up = [1, 4, 7].map((k) =>
     views.reduce((sum, { worldFromCamera }) => sum + worldFromCamera[k as 1 | 4 | 7], 0),
   );
   const length = Math.max(Math.hypot(...up), 1e-9 * views.length);
+  return [up[0]! / length, up[1]! / length, up[2]! / length];
+}
+
+/** Sine of the elevation of directions (world). */
+function rising(directions: Float32Array, up: Vector3): Float32Array {
+  return Float32Array.from({ length: directions.length / 3 }, (_, i) => {
+    const [x, y, z] = directions.subarray(3 * i, 3 * i + 3);
+    return x! * up[0] + y! * up[1] + z! * up[2];
+  });
+}
+
+/** Radiance summed over all directions that the estimates speak for, RGB. */
+export function expectedPower(views: readonly View[], logGain: Float64Array): Vector3 {
+  const up = upOf(views);
   const weights = views.map(({ worldFromCamera: m }) => {
-    const rise = -(m[2] * up[0]! + m[5] * up[1]! + m[8] * up[2]!) / length;
+    const rise = -(m[2] * up[0] + m[5] * up[1] + m[8] * up[2]);
     return Math.exp(-((rise / LEVEL) ** 2));
   });
   const whole = weights.reduce((a, b) => a + b, 0);
@@ -205,36 +221,45 @@ function raiseLamps(
   mean: Float32Array,
   { clipped }: Seen,
   whole: Vector3,
+  rises: Float32Array,
   height: number,
 ): void {
   const sr = rowSolidAngles(height);
   const colour: [number, number, number] = [0, 0, 0];
-  let [least, shares] = [0, 0];
+  let [least, shares, usual] = [0, 0, 0];
   const share = new Float64Array(clipped.length);
   clipped.forEach((channels, i) => {
     if (!channels) return;
     const weight = sr[Math.floor(i / (2 * height))]!;
     const own = luminance(radiance, i);
     least += own * weight;
+    usual += own * weight * usualFactor(rises[i]!);
     share[i] = (channels / 3) ** 3 * own * luminance(mean, i) ** 2;
     shares += share[i]! * weight;
     for (let c = 0; c < 3; c++) colour[c as 0 | 1 | 2] += mean[3 * i + c]! * share[i]! * weight;
   });
   const rest = luminous(powerOf(radiance, height)) - least;
-  const more = (least * (likelyFactor(least, rest, luminous(whole)) - 1)) / luminous(colour);
+  const factor = likelyFactor(least, rest, luminous(whole), usual / least);
+  const more = (least * (factor - 1)) / luminous(colour);
   for (let i = 0; i < radiance.length; i++) {
     const own = share[Math.floor(i / 3)]!;
     if (own) radiance[i]! += (own / shares) * colour[(i % 3) as 0 | 1 | 2] * more;
   }
 }
 
+/** By how much what clips at an elevation (its sine) is usually brighter than white. */
+function usualFactor(sine: number): number {
+  const high = Math.min(Math.max((sine - HIGH_FROM) / (HIGH_TO - HIGH_FROM), 0), 1);
+  return Math.exp(CLIPPED_LOG + (CLIPPED_HIGH_LOG - CLIPPED_LOG) * high);
+}
+
 /** By how much clipped pixels are likely to be brighter than white, all in all. */
-export function likelyFactor(bound: number, rest: number, whole: number): number {
+export function likelyFactor(bound: number, rest: number, whole: number, usual: number): number {
   let [best, least] = [0, Number.POSITIVE_INFINITY];
   for (let k = 0; k <= LOG_STEPS; k++) {
     const log = k * LOG_STEP;
     const off = Math.log(whole / (rest + bound * Math.exp(log))) / POWER_SIGMA;
-    const unusual = 2 * Math.log(1 + ((log - CLIPPED_LOG) / CLIPPED_SCALE) ** 2);
+    const unusual = 2 * Math.log(1 + ((log - Math.log(usual)) / CLIPPED_SCALE) ** 2);
     const cost = off ** 2 + unusual;
     if (cost < least) [best, least] = [log, cost];
   }

@@ -120,8 +120,8 @@ test("what clips is as bright as in Python, and less is not", () => {
   });
   expect(far(bright!, stored.environment_that_clips.flat(2))).toBeLessThan(2e-3);
   expect(far(less!, stored.environment_that_clips.flat(2))).toBeGreaterThan(2e-3);
-  for (const [bound, rest, whole, factor] of stored.likely_factors) {
-    expect(likelyFactor(bound, rest, whole)).toBeCloseTo(factor, 4);
+  for (const [bound, rest, whole, usual, factor] of stored.likely_factors) {
+    expect(likelyFactor(bound, rest, whole, usual)).toBeCloseTo(factor, 4);
   }
 });
 
