@@ -51,20 +51,25 @@ if __name__ == "__main__":
 """
 
 
+def _ignoring_nothing() -> None:
+    for number in (signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def begun(folder: Path, *more: str) -> subprocess.Popen[str]:
     """The command, two of its six jobs done and two in the middle."""
     script = folder / "script.py"
     script.write_text(COMMAND)
     command = [sys.executable, str(script), "--folder", str(folder), *more]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    # Under nohup a hang-up is ignored from birth, which a command respects.
+    # A command respects what is ignored from birth: a hang-up under nohup, INT in a shell's "&".
     child = subprocess.Popen(
         command,
         env=environment,
         stdout=-1,
         stderr=-1,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+        preexec_fn=_ignoring_nothing,
     )
     most = time.monotonic() + patient(60)
     while len(list(folder.glob("started*"))) < (1 if more else 2) and time.monotonic() < most:
