@@ -10,7 +10,7 @@ what `python -m lab.evidence.capture_accuracy` asks for.
 
 import json
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,6 @@ from deeplight.mappings import latlong, resample
 from deeplight.sphere import SPHERES
 
 CROP = 64  # pixels along a sphere's shading
-LAMP_RAD = 0.05  # half of a lamp's width
 LIGHTS = 32  # rows of the panorama that lights the two rough spheres
 
 
@@ -51,6 +50,9 @@ class Args:
     """Dark or bright exposures, a tone curve, defocused spheres, lamps near the rig, noise."""
     dark: bool = False
     """Two and a half to four stops too dark, with a tone curve and noise, instead."""
+    lit: bool = False
+    """Lamps near the rig, of any colour and hidden from some spheres; spheres of other paints; a
+    drifting exposure."""
     missing: bool = False
     """One of the three spheres is left out: a clip to be refused."""
     stops: tuple[float, float] = (0.0, 0.0)
@@ -74,6 +76,23 @@ class Place:
 
 
 @dataclass(frozen=True)
+class Lamp:
+    """A round lamp near the rig.
+
+    Attributes:
+        at: from the camera in the world, in the spheres' radii.
+        power: irradiance of a surface at the rig that faces it, over pi; red, green, blue.
+        half_width_rad: half of its width as the rig sees it.
+        hidden_from: spheres in shadow.
+    """
+
+    at: np.ndarray
+    power: np.ndarray
+    half_width_rad: float = 0.05
+    hidden_from: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Setup:
     """What one clip is filmed with; directions in the camera's frame."""
 
@@ -85,8 +104,9 @@ class Setup:
     noise: float = 1.5
     contrast: float = 0.0
     blur_px: float = 0.5
-    lamp: np.ndarray | None = None  # from the camera in the world, in the spheres' radii
-    lamp_power: float = 0.0
+    lamps: tuple[Lamp, ...] = ()
+    tints: dict[str, np.ndarray] = field(default_factory=dict)
+    adapts: float = 0.0  # stops that the exposure drifts by from the first frame to the last
 
 
 def run(args: Args) -> None:
@@ -111,14 +131,15 @@ def film(source: Path, clip: Path, args: Args, rng: np.random.Generator) -> None
     place = place_of(source, rng.uniform(0.2, 0.4))
     turns = walk(args.frames, rng)
     setup = drawn_setup(place.panorama, turns, rng)
-    if args.dark or args.hard:
-        setup = darkened(setup, rng) if args.dark else troubled(setup, rng)
+    for wanted, drawn in ((args.dark, darkened), (args.hard, troubled), (args.lit, lit)):
+        setup = drawn(setup, rng) if wanted else setup
     setup = replace(setup, gain=setup.gain * 2 ** rng.uniform(*args.stops))
     if args.missing:
         setup.centres.pop(str(rng.choice(SPHERES)))
     with VideoWriter(clip, setup.camera.width, setup.camera.height, 30) as video:
-        for turn in turns:
-            seen = pixels(place, turn, setup)
+        for n, turn in enumerate(turns):
+            drift = 2 ** (setup.adapts * (n / max(1, len(turns) - 1) - 0.5))
+            seen = pixels(place, turn, setup, setup.gain * drift)
             noise = setup.noise * rng.standard_normal((*seen.shape[:2], 1), np.float32)
             video.write(np.clip(seen + noise, 0, 255).astype(np.uint8))
     camera = setup.camera
@@ -194,9 +215,27 @@ def troubled(setup: Setup, rng: np.random.Generator) -> Setup:
         contrast=rng.uniform(0.3, 1) if draws[1] else 0,
         blur_px=rng.uniform(1, 3) * setup.camera.width / 1080 if draws[2] else 0.5,
         noise=rng.uniform(2, 5) if draws[3] else 1.5,
-        lamp=lamp if draws[4] else None,
-        lamp_power=rng.uniform(0.5, 3) / setup.gain,
+        lamps=(Lamp(lamp, np.full(3, rng.uniform(0.5, 3) / setup.gain)),) if draws[4] else (),
     )
+
+
+def lit(setup: Setup, rng: np.random.Generator) -> Setup:
+    """Draw lamps near the rig, spheres of other paints, a small picture and a drifting exposure."""
+    lamps = []
+    for _ in range(int(rng.integers(1, 5))):
+        at = normalised(rng.normal(size=3) + [0, 0.8, 0.3]) * rng.uniform(5, 30)
+        colour = rng.uniform([0.7, 0.5, 0.3], [1.3, 1.0, 1.2])
+        power = np.exp(rng.uniform(np.log(0.2), np.log(3))) / setup.gain * colour
+        hidden = tuple(str(name) for name in SPHERES if rng.random() < 0.12)
+        lamps.append(Lamp(at, power, float(np.exp(rng.uniform(-4.6, -1.8))), hidden))
+    paints = {"mirror": (0.7, 1.1), "matte_silver": (0.7, 1.4), "diffuse": (0.8, 2.4)}
+    tints = {n: rng.uniform(*limits) * rng.uniform(0.94, 1.06, 3) for n, limits in paints.items()}
+    return replace(
+        setup, lamps=tuple(lamps), tints=tints,
+        gain=setup.gain * 2 ** rng.uniform(-2.5, 0.5),
+        contrast=rng.uniform(0, 1), noise=rng.uniform(1, 3.5), blur_px=rng.uniform(0.5, 1.6),
+        adapts=rng.uniform(-1, 1),
+    )  # fmt: skip
 
 
 def darkened(setup: Setup, rng: np.random.Generator) -> Setup:
@@ -210,7 +249,7 @@ def darkened(setup: Setup, rng: np.random.Generator) -> Setup:
     )
 
 
-def pixels(place: Place, turn: np.ndarray, setup: Setup) -> np.ndarray:
+def pixels(place: Place, turn: np.ndarray, setup: Setup, gain: float) -> np.ndarray:
     """Grey levels of one frame, 0 to 255, not rounded."""
     rays = rays_of(setup.camera)
     radiance = looked_up(place.panorama, rays @ turn.T.astype(np.float32))
@@ -218,7 +257,7 @@ def pixels(place: Place, turn: np.ndarray, setup: Setup) -> np.ndarray:
         radiance = with_rods(radiance, setup)
     for name, centre in setup.centres.items():
         paint(radiance, rays, name, centre, place, turn, setup)
-    level = np.clip(radiance * np.float32(setup.gain), 0, 1) ** np.float32(1 / 2.2)
+    level = np.clip(radiance * np.float32(gain), 0, 1) ** np.float32(1 / 2.2)
     curved = level * level * (3 - 2 * level)
     return np.asarray(255 * (level + setup.contrast * (curved - level)))
 
@@ -266,29 +305,27 @@ def paint(
     normals = (along - root)[:, None] * toward - distance * centre
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     shown = shade(name, normals, -toward, place, turn)
-    if setup.lamp is not None:
-        lamp = turn.T @ setup.lamp - distance * centre
-        shown += lamp_light(name, normals, -toward, lamp, setup)
+    for lamp in setup.lamps:
+        if name not in lamp.hidden_from:
+            shown += lamp_light(name, normals, -toward, turn.T @ lamp.at - distance * centre, lamp)
+    shown *= setup.tints.get(name, 1.0)
     share = cover[:, None]
     radiance[rows, columns] = share * shown + (1 - share) * radiance[rows, columns]
 
 
 def lamp_light(
-    name: str, normals: np.ndarray, views: np.ndarray, lamp: np.ndarray, setup: Setup
+    name: str, normals: np.ndarray, views: np.ndarray, at: np.ndarray, lamp: Lamp
 ) -> np.ndarray:
-    """Give the radiance that a lamp near the rig adds; `lamp` from the sphere's centre, in radii.
-
-    Its power is the irradiance at the sphere of a surface that faces it, over pi.
-    """
-    toward = lamp - normals
+    """Give the radiance that a lamp near the rig adds; `at` from the sphere's centre, in radii."""
+    toward = at - normals
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
     toward /= distance
-    power = np.pi * setup.lamp_power * (np.linalg.norm(lamp) / distance) ** 2
+    power = np.pi * lamp.power * (np.linalg.norm(at) / distance) ** 2
     cosine = (normals * toward).sum(axis=1, keepdims=True)
     if name == "mirror":
         reflected = 2 * (normals * views).sum(axis=1, keepdims=True) * normals - views
-        disc = (reflected * toward).sum(axis=1, keepdims=True) > np.cos(LAMP_RAD)
-        weight = disc / (np.pi * LAMP_RAD**2)
+        disc = (reflected * toward).sum(axis=1, keepdims=True) > np.cos(lamp.half_width_rad)
+        weight = disc / (np.pi * lamp.half_width_rad**2)
     elif name == "diffuse":
         weight = brdf.lambertian(cosine)
     else:

@@ -259,3 +259,54 @@ def test_many_nodes_are_read_in_time_and_joined(path: Path) -> None:
     (mesh,) = load(gltf.save(path))
     assert len(mesh.faces) == 40_000
     assert mesh.vertices[:, 0].max() == pytest.approx(20_001)
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_instances_are_copies_where_they_are_put(path: Path, required: bool) -> None:
+    gltf = Gltf()
+    gltf.board()
+    half = np.float32(0.5**0.5)
+    where = {
+        "TRANSLATION": gltf.array(np.array([[0, 0, 0], [5, 0, 0], [0, 0, 7]], np.float32)),
+        "ROTATION": gltf.array(np.array([[0, 0, 0, 1], [0, 0, half, half], [0, 0, 0, 1]], "f4")),
+        "SCALE": gltf.array(np.array([[1, 1, 1], [1, 1, 1], [2, 2, 2]], np.float32)),
+    }
+    name = "EXT_mesh_gpu_instancing"
+    instances = {name: {"attributes": where}}
+    gltf.json["nodes"][0] |= {"translation": [1, 0, 0], "extensions": instances}
+    gltf.json["extensionsUsed"] = [name]
+    gltf.json |= {"extensionsRequired": [name]} if required else {}
+    (mesh,) = load(gltf.save(path))
+    copies = [BOARD, BOARD[:, [1, 0, 2]] * [-1, 1, 1] + [5, 0, 0], 2 * BOARD + [0, 0, 7]]
+    np.testing.assert_allclose(mesh.vertices, np.concatenate(copies) + [1, 0, 0], atol=1e-6)
+
+
+def test_hidden_nodes_and_what_hangs_on_them_are_left_out(path: Path) -> None:
+    gltf = Gltf()
+    gltf.board()
+    hidden = {"extensions": {"KHR_node_visibility": {"visible": False}}}
+    gltf.json["nodes"] = [{"mesh": 0, "children": [1]}, {"children": [2], **hidden}, {"mesh": 0}]
+    (mesh,) = load(gltf.save(path))
+    assert len(mesh.vertices) == len(BOARD)
+    gltf.json["nodes"][1].pop("extensions")
+    (mesh,) = load(gltf.save(path))
+    assert len(mesh.vertices) == 2 * len(BOARD)
+
+
+@pytest.mark.parametrize(
+    ("material", "note"),
+    [
+        ({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 0.2]}},
+         "transparent parts are drawn solid"),
+        ({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}},
+         "transparent parts are drawn solid"),
+        ({"emissiveFactor": [0, 0.5, 0]}, "light of its own was left out"),
+        ({"alphaMode": "OPAQUE", "emissiveFactor": [0, 0, 0]}, None),
+    ],
+)  # fmt: skip
+def test_what_is_not_drawn_is_said(path: Path, material: dict[str, Any], note: str | None) -> None:
+    gltf = Gltf()
+    gltf.board()["material"] = 0
+    gltf.json["materials"] = [material]
+    (mesh,) = load(gltf.save(path))
+    assert mesh.finish.notes == ((note,) if note else ())

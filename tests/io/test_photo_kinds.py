@@ -15,6 +15,7 @@ from PIL import Image, TiffImagePlugin
 from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io.exif import Exif, exif_of_pillow, number
 from deeplight.io.heif_boxes import HeifHeader, read_header
+from deeplight.io.photo_decoders import MID_GREY
 from deeplight.io.photos import photo_of_pillow, photo_paths, read_photo
 from lab.fuzz import dng
 
@@ -332,3 +333,27 @@ def test_random_damage_is_one_line_or_a_photo(
             with suppress(ImageFileError, MissingExtraError):
                 read_photo(bad)
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("fourth", "has_mask"), [(0, False), (7, False), (255, False), (7, True), (255, True)]
+)
+def test_the_fourth_byte_of_a_bmp_is_alpha_where_a_mask_says_so(
+    tmp_path: Path, fourth: int, has_mask: bool
+) -> None:
+    """Without one it is unused, and 0 in most files."""
+    colour = np.random.default_rng(0).integers(0, 256, (40, 48, 3), dtype=np.uint8)
+    pixels = np.dstack([colour[::-1, :, ::-1], np.full((40, 48), fourth, np.uint8)]).tobytes()
+    masks = struct.pack("<4I", 0xFF0000, 0xFF00, 0xFF, 0xFF000000) + bytes(52) if has_mask else b""
+    header = struct.pack(
+        "<IiiHHIIiiII", 40 + len(masks), 48, 40, 1, 32, 3 * has_mask, len(pixels), 0, 0, 0, 0
+    )
+    start = 14 + len(header) + len(masks)
+    head = b"BM" + struct.pack("<IHHI", start + len(pixels), 0, 0, start)
+    (tmp_path / "a.bmp").write_bytes(head + header + masks + pixels)
+    read = read_photo(tmp_path / "a.bmp")
+    is_seen_through = has_mask and fourth < 255
+    share = fourth / 255 if is_seen_through else 1
+    wanted = colour * share + MID_GREY * (1 - share)
+    assert np.abs(read.pixels - wanted).max() <= 1
+    assert bool(read.notes) == is_seen_through

@@ -145,6 +145,27 @@ FOUND: dict[str, Parts] = {
 }
 
 
+@pytest.mark.parametrize("kind", ["half", "uint"])
+def test_a_part_of_numbers_may_come_first(tmp_path: Path, kind: str) -> None:
+    """Object numbers are no light, whatever part they are; colours in whole numbers are none."""
+    specs = [oiio.ImageSpec(WIDTH, HEIGHT, n, k) for n, k in ((1, "uint"), (3, kind))]
+    specs[0].channelnames = ("id",)
+    for spec, name in zip(specs, ("id", "rgba"), strict=True):
+        spec.attribute("oiio:subimagename", name)
+    path = tmp_path / "a.exr"
+    file = oiio.ImageOutput.create(str(path))
+    assert file.open(str(path), tuple(specs))
+    assert file.write_image(np.ones((HEIGHT, WIDTH, 1), np.uint32))
+    assert file.open(str(path), specs[1], "AppendSubimage")
+    assert file.write_image(light())
+    assert file.close()
+    if kind == "half":
+        np.testing.assert_array_equal(read_hdr(path), light().astype(np.float16))
+    else:
+        with pytest.raises(ImageFileError, match="uint pixels"):
+            read_hdr(path)
+
+
 @pytest.mark.parametrize("name", FOUND)
 def test_the_light_is_found_among_layers_and_parts(tmp_path: Path, name: str) -> None:
     path = write_parts(tmp_path / "a.exr", FOUND[name])

@@ -14,6 +14,7 @@ from deeplight.camera_response import encode
 from deeplight.capture.conic import Cone, moved, pixel_scale
 from deeplight.capture.locate import LocateSettings, NotLocated, TagRig, locate
 from deeplight.capture.located import cones_of, moved_together, rig_of
+from deeplight.capture.materials import Naming
 from deeplight.capture.rig_file import read_rig_file
 from deeplight.errors import DataSetError
 from deeplight.frames import looking_at, normalised, turned
@@ -176,6 +177,29 @@ def test_two_spheres_are_not_a_rig() -> None:
     with pytest.raises(NotLocated) as caught:
         found(clip({name: CONES[name] for name in SPHERES[:2]}), None)
     assert caught.value.overlay is not None
+
+
+@pytest.mark.parametrize(("error", "moving", "is_found"), [
+    (0.24, True, True), (0.26, True, False), (0.24, False, False),
+])  # fmt: skip
+def test_clear_outlines_may_be_lit_in_other_ways(
+    error: float, moving: bool, is_found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bright paint, or a lamp that one of them does not see: but only where the world moves."""
+    named = Naming(SPHERES, 1.0, error)
+    in_order = [CONES[name] for name in SPHERES]
+
+    def in_their_order(cones: list[Cone], *_: object) -> Naming:
+        near = [int(np.argmax([c.direction @ o.direction for o in in_order])) for c in cones]
+        return replace(named, names=tuple(SPHERES[i] for i in near))
+
+    monkeypatch.setattr("deeplight.capture.locate.name_spheres", in_their_order)
+    frames = tuple(clip(CONES, moving=moving))
+    if is_found:
+        assert off_px(found(frames, None)) < 3
+    else:
+        with pytest.raises(NotLocated):
+            found(frames, None)
 
 
 def test_nothing_that_moves_and_no_spheres_is_reported_with_a_picture() -> None:

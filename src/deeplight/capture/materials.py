@@ -34,6 +34,8 @@ _SETTLED = 1e-4  # share by which it still changes when the search stops
 # Natural logarithm of how much more detail one sphere shows than the next, and its spread.
 _MIRROR_TO_SILVER = (0.9, 0.45)
 _SILVER_TO_DIFFUSE = (0.9, 0.5)
+_CONTRADICTED = -0.1  # of silver to diffuse: one in fifty true ones comes to -0.02
+_DOUBTFUL = 0.1  # error from which on a contradiction by the detail counts
 _DETAIL_FLOOR = 1.0  # grey levels: flat, white spheres differ by nothing but noise
 
 
@@ -87,8 +89,11 @@ def name_spheres(
         total[i] += _odd(looks[mirror], looks[silver], _MIRROR_TO_SILVER)
         total[i] += _odd(looks[silver], looks[diffuse], _SILVER_TO_DIFFUSE)
     best = int(total.argmin())
-    sure = 1 / np.exp(total[best] - total).sum()
-    return Naming(ways[best], float(sure), float(np.median(errors[best])))
+    sure, error = float(1 / np.exp(total[best] - total).sum()), float(np.median(errors[best]))
+    finer, flatter = (looks[ways[best].index(name)].detail for name in SPHERES[1:])
+    if error > _DOUBTFUL and np.log(finer / flatter) < _CONTRADICTED:
+        sure = min(sure, 0.5)  # one lamp that a sphere does not see turns the two round
+    return Naming(ways[best], sure, error)
 
 
 def _odd(one: SphereLook, other: SphereLook, expected: tuple[float, float]) -> float:

@@ -71,12 +71,29 @@ def look(file: GltfFile, index: Any) -> MaterialLook:
         _colour(pbr.get("baseColorFactor", (1, 1, 1, 1))),
         roughness=float(pbr.get("roughnessFactor", 1)),
         metallic=float(pbr.get("metallicFactor", 1)),
+        notes=_left_out(material),
     )
     result = _with_picture(file, result, "colour_map", colour_info)
     both = colour_info is not None and rough_info is not None
     if both and _placing(colour_info) != _placing(rough_info):
-        return replace(result, notes=("a roughness texture that lies elsewhere was left out",))
+        left_out = "a roughness texture that lies elsewhere was left out"
+        return replace(result, notes=(*result.notes, left_out))
     return _with_picture(file, result, "roughness_map", rough_info)
+
+
+def _left_out(material: Mapping[str, Any]) -> tuple[str, ...]:
+    """Say what a material has that is not drawn."""
+    glass = material.get("extensions", {}).get("KHR_materials_transmission", {})
+    pbr = material.get("pbrMetallicRoughness", {})
+    thin = material.get("alphaMode", "OPAQUE") != "OPAQUE" and (
+        "baseColorTexture" in pbr or float(pbr.get("baseColorFactor", (1, 1, 1, 1))[3]) < 1
+    )
+    notes = []
+    if thin or float(glass.get("transmissionFactor", 0)) > 0:
+        notes.append("transparent parts are drawn solid")
+    if any(float(value) > 0 for value in material.get("emissiveFactor", ())):
+        notes.append("light of its own was left out")
+    return tuple(notes)
 
 
 def _from_glossy(glossy: Mapping[str, Any]) -> dict[str, Any]:

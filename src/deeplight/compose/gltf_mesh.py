@@ -19,11 +19,16 @@ from deeplight.errors import ImageFileError, MissingExtraError
 
 MAX_NODES = 1_000_000
 MAX_PARTS = 50_000
+MAX_COPIES = 100_000
 MANY = 100
 TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO = "KHR_draco_mesh_compression"
-APPLIED = ("KHR_mesh_quantization", "KHR_texture_transform", DRACO, "EXT_texture_webp")
-HARMLESS = ("KHR_materials_", "KHR_lights_", "KHR_xmp", "KHR_animation_", "KHR_node_visibility")
+INSTANCES, VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
+APPLIED = (
+    "KHR_mesh_quantization", "KHR_texture_transform", DRACO, "EXT_texture_webp", INSTANCES,
+    VISIBILITY,
+)  # fmt: skip
+HARMLESS = ("KHR_materials_", "KHR_lights_", "KHR_xmp", "KHR_animation_")
 """Extensions of a file that may be required and yet left out: they change the look a little."""
 
 Matrix = Float[np.ndarray, "4 4"]
@@ -63,18 +68,21 @@ def read(file: GltfFile, max_triangles: int) -> list[MeshPart]:
     looks, joints = cache(partial(look, file)), partial(_joints, file, places)
     read_once: dict[tuple[Any, ...], MeshPart] = {}
     copies: dict[tuple[Any, ...], list[Matrix]] = {}
-    triangles = 0
+    triangles, hidden = 0, _hidden(file.json.get("nodes", []))
     for index, place in places.items():
         node = file.json["nodes"][index]
-        if "mesh" not in node:
+        if "mesh" not in node or index in hidden:
             continue
         alone = index if "skin" in node or node.get("weights") else None
         for number, primitive in enumerate(file.item("meshes", node["mesh"])["primitives"]):
             key = (node["mesh"], number, alone)
             if key not in read_once:
                 read_once[key] = _part(file, node, primitive, looks, joints)
-            copies.setdefault(key, []).append(np.eye(4) if "skin" in node else place)
-            triangles += len(read_once[key].faces)
+            where = (
+                [np.eye(4)] if "skin" in node else [place @ own for own in _instances(file, node)]
+            )
+            copies.setdefault(key, []).extend(where)
+            triangles += len(where) * len(read_once[key].faces)
             if triangles > max_triangles or len(read_once) > MAX_PARTS:
                 expected = f"at most {max_triangles:,} triangles in {MAX_PARTS:,} parts"
                 raise ImageFileError(expected, f"{file.path} with more", "simplify it")
@@ -129,6 +137,36 @@ def world_from_node(file: GltfFile) -> dict[int, Matrix]:
         found[index] = above @ _local(node) if node.keys() & _MOVES else above
         waiting += [(child, found[index]) for child in reversed(node.get("children", []))]
     return found
+
+
+def _hidden(nodes: list[Mapping[str, Any]]) -> set[int]:
+    """Give the nodes that KHR_node_visibility hides, with all that hangs on them."""
+    waiting = [
+        index
+        for index, node in enumerate(nodes)
+        if node.get("extensions", {}).get(VISIBILITY, {}).get("visible", True) is False
+    ]
+    found: set[int] = set()
+    while waiting:
+        index = waiting.pop()
+        found.add(index)
+        waiting += [child for child in nodes[index].get("children", []) if child not in found]
+    return found
+
+
+def _instances(file: GltfFile, node: Mapping[str, Any]) -> Float[np.ndarray, "copies 4 4"]:
+    """Give where EXT_mesh_gpu_instancing puts copies of a node's mesh, in the node's frame."""
+    given = node.get("extensions", {}).get(INSTANCES, {}).get("attributes", {})
+    names = [name for name in ("TRANSLATION", "ROTATION", "SCALE") if name in given]
+    moves = {name.lower(): file.accessor(given[name]) for name in names}
+    if len({len(values) for values in moves.values()}) > 1:
+        raise file.fault("instances of uneven number")
+    count = len(next(iter(moves.values()), [0]))
+    if count > MAX_COPIES:
+        raise file.fault(f"{count:,} copies of a mesh")
+    return np.array(
+        [_local({name: values[i] for name, values in moves.items()}) for i in range(count)]
+    ).reshape(-1, 4, 4)
 
 
 _MOVES = {"matrix", "translation", "rotation", "scale"}

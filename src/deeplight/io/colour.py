@@ -10,7 +10,7 @@ and HDR ones are radiance and are encoded as floating-point files are, with `cam
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -121,12 +121,14 @@ class ColourSpace:
         bt709_from_linear: of linear colours, to sRGB's primaries.
         curve: linear values, 1 = white, of a signal 0 to 1.
         is_radiance: a linear or HDR picture, encoded with `camera_response` instead of sRGB.
+        is_narrow: black is 16 and white 235 of 255, as in films.
     """
 
     name: str
     bt709_from_linear: Matrix
     curve: Callable[[Signal], Signal] = srgb_decode
     is_radiance: bool = False
+    is_narrow: bool = False
 
     def pixels(
         self, stored: Shaped[np.ndarray, "height width 3"]
@@ -146,11 +148,16 @@ class ColourSpace:
 
     @cached_property
     def _linear8(self) -> Float32[np.ndarray, "n"]:
-        return np.asarray(self.curve(np.arange(256) / 255), np.float32)
+        return self._table(8)
 
     @cached_property
     def _linear16(self) -> Float32[np.ndarray, "n"]:
-        return np.asarray(self.curve(np.arange(SIGNAL_MAX + 1) / SIGNAL_MAX), np.float32)
+        return self._table(16)
+
+    def _table(self, bits: int) -> Float32[np.ndarray, "n"]:
+        stored, unit = np.arange(1 << bits), 1 << (bits - 8)
+        low, span = (16 * unit, 219 * unit) if self.is_narrow else (0, (1 << bits) - 1)
+        return np.asarray(self.curve(np.clip((stored - low) / span, 0, 1)), np.float32)
 
 
 def is_srgb(convert: Callable[[np.ndarray], np.ndarray]) -> bool:
@@ -180,8 +187,11 @@ def bt709_from_primaries(chromaticities: tuple[float, ...]) -> Matrix:
 
 
 @lru_cache(maxsize=32)
-def from_cicp(primaries: int, transfer: int) -> ColourSpace | None:
+def from_cicp(primaries: int, transfer: int, full_range: bool = True) -> ColourSpace | None:
     """The colour space of H.273's code points; None where pixels are to be taken as sRGB."""
+    if not full_range:
+        space = from_cicp(primaries, transfer) or ColourSpace("sRGB", np.eye(3))
+        return replace(space, name=f"narrow-range {space.name}", is_narrow=True)
     gamut = PRIMARIES.get(primaries)
     curve = TRANSFERS.get(transfer)
     if gamut is None and curve is None:

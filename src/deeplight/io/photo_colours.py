@@ -32,7 +32,7 @@ def conversion_of(
     """What the colours need, by PNG's order: code points, profile, gamma; then EXIF's."""
     cicp = spec.getattribute("CICP")
     if cicp is not None:
-        return from_cicp(int(cicp[0]), int(cicp[1])), ()
+        return from_cicp(int(cicp[0]), int(cicp[1]), bool(cicp[3])), ()
     profile = spec.getattribute("ICCProfile")
     if profile is not None:
         return colours_of(None, np.asarray(profile, np.uint8).tobytes())

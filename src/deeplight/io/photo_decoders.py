@@ -20,7 +20,7 @@ from deeplight.io.colour import eight_bit, pixel_table
 from deeplight.io.colour_profile import LookUpProfile, cie_lab
 from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow
 from deeplight.io.heif_boxes import HeifHeader, read_header
-from deeplight.io.image_file import check_size, damaged, not_an_image, opened
+from deeplight.io.image_file import check_size, damaged, first_bytes, not_an_image, opened
 from deeplight.io.photo_colours import (
     ADOBE,
     Conversion,
@@ -195,10 +195,13 @@ def _read(
     channels = min(spec.nchannels, 4)
     names = spec.channelnames[:channels]
     alpha = names.index("A") if "A" in names else None  # spec.alpha_channel is off by one for GIF
+    if alpha is not None and file.format_name() == "bmp" and not _bmp_has_alpha(path):
+        alpha = None
     deep = conversion is not None and str(spec.format) != "uint8"
     kind = oiio.UINT16 if deep else oiio.UINT8
-    # GIF's alpha is all or nothing and its hidden colours are not black, which nothing states.
-    straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha")) or file.format_name() == "gif"
+    # GIF's and BMP's colours are not multiplied by alpha, which nothing states.
+    left_straight = file.format_name() in ("gif", "bmp")
+    straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha")) or left_straight
     plain = conversion is None and alpha is None
     is_negative = counts_down(spec)
     rows = spec.height if plain or spec.tile_width else _ROWS
@@ -223,6 +226,13 @@ def _read(
             result = np.empty((spec.height, spec.width, 3), np.uint8)
         result[top:end] = pixels
     return result, any_seen_through
+
+
+def _bmp_has_alpha(path: Path) -> bool:
+    """Whether a .bmp names a mask for alpha: without one the fourth byte of a pixel is unused."""
+    start = first_bytes(path, 70)
+    header, compression = int.from_bytes(start[14:18], "little"), start[30]
+    return header >= 56 and compression in (3, 6) and any(start[66:70])
 
 
 def _as_rgb(

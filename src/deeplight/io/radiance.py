@@ -71,16 +71,22 @@ def read_hdr(path: Path | str, layer: str | None = None) -> Float32[np.ndarray, 
     path = Path(path)
     with opened(path, MAX_HDR_PIXELS) as file:
         if not is_floating_point(file):
-            expected = "linear radiance (.exr, .hdr or floating-point .tif)"
-            got = f"{path} with {file.spec().format} pixels"
-            raise ImageFileError(expected, got, "give an HDR image")
+            raise _integer(path, str(file.spec().format))
         radiance = read_radiance(file, path, MAX_HDR_PIXELS, layer)
         return np.ascontiguousarray(upright(radiance, orientation_of(file, path)))
 
 
+def _integer(path: Path, kind: str) -> ImageFileError:
+    expected = "linear radiance (.exr, .hdr or floating-point .tif)"
+    return ImageFileError(expected, f"{path} with {kind} pixels", "give an HDR image")
+
+
 def is_floating_point(file: oiio.ImageInput) -> bool:
-    """Return whether an opened file holds radiance rather than encoded pixels."""
-    return str(file.spec().format) in FLOATING_POINT
+    """Return whether an opened file holds radiance rather than encoded pixels.
+
+    An EXR does, though its first part may be numbers of objects: see `read_radiance`.
+    """
+    return file.format_name() == "openexr" or str(file.spec().format) in FLOATING_POINT
 
 
 def counts_down(spec: oiio.ImageSpec) -> bool:
@@ -105,6 +111,9 @@ def read_radiance(
     """
     channels = choose_layer(file, path, layer).channels
     spec = file.spec()
+    kinds = [str(kind) for kind in spec.channelformats] or [str(spec.format)] * spec.nchannels
+    if file.format_name() == "openexr" and kinds[channels[0]] not in FLOATING_POINT:
+        raise _integer(path, kinds[channels[0]])
     check_size(path, spec.width, spec.height, max_pixels)
     check_size(path, spec.full_width, spec.full_height, max_pixels)
     first, last = min(channels), max(channels)
