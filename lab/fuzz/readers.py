@@ -85,7 +85,7 @@ def _lights(path: Path) -> None:
 def _model(path: Path) -> None:
     """As `estimators.trial` does it, but in a fork, which has the libraries and starts at once."""
     from deeplight.errors import ModelError
-    from deeplight.estimators import onnx, trial  # noqa: F401  # onnx is for the fork
+    from deeplight.estimators import onnx, trial, trial_process  # noqa: F401  # onnx is for the fork
 
     if path.suffix == ".tflite":
         from deeplight.estimators import litert  # noqa: F401
@@ -95,7 +95,7 @@ def _model(path: Path) -> None:
     if child == 0:
         os.dup2(write, 1)
         try:
-            code = trial.main(path, trial.CPU_S)
+            code = trial_process.main(path, trial.CPU_S)
             sys.stdout.flush()
         except BaseException:  # a traceback of the real child, which is a refusal too
             code = 1
@@ -107,7 +107,7 @@ def _model(path: Path) -> None:
     refusal = trial.verdict(path, code, said)
     if refusal is not None:
         raise ModelError(*refusal)
-    trial._open(path)
+    trial_process.open_trusted(path)
 
 
 def _places(path: Path) -> None:

@@ -22,7 +22,8 @@ from deeplight.errors import DataSetError
 from deeplight.training import checkpoint
 from deeplight.training.augment import AugmentConfig, Inputs, augment
 from deeplight.training.data import Order, StepIndices
-from deeplight.training.devices import Share, over_all_devices
+from deeplight.training.devices import over_all_devices
+from deeplight.training.share import Share
 
 SETTINGS = (
     "schedule.batch_size=4",

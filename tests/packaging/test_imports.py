@@ -3,7 +3,10 @@
 import json
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
+import grimp
 import pytest
 
 import deeplight
@@ -32,6 +35,29 @@ def test_importing_is_quick() -> None:
     # Processor time, the best of several: the rest of the suite is running on the same cores.
     seconds = min(float(in_new_process(code)) for _ in range(3))
     assert seconds < 0.3
+
+
+def refuse_circles(package: str) -> grimp.ImportGraph:
+    """Raise CycleError if a module imports itself by way of others, inside functions too."""
+    graph = grimp.build_graph(package, cache_dir=None)
+    imported = {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
+    TopologicalSorter(imported).prepare()
+    return graph
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    assert len(refuse_circles("deeplight").modules) > 300
+
+
+def test_a_circle_would_be_found(tmp_path: Path, monkeypatch) -> None:
+    folder = tmp_path / "going_round"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    (folder / "a.py").write_text("from going_round.b import y\n")
+    (folder / "b.py").write_text("def x() -> None:\n    from going_round import a\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(CycleError):
+        refuse_circles("going_round")
 
 
 def test_public_names_are_sorted_few_and_real() -> None:

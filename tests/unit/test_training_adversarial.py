@@ -14,7 +14,7 @@ from deeplight.sphere import PAPER_RIG, SphereView
 from deeplight.training.adversary import Adversary
 from deeplight.training.augment import Inputs, turn_back
 from deeplight.training.config import TrainConfig
-from deeplight.training.devices import ALONE, fabric
+from deeplight.training.devices import fabric
 from deeplight.training.losses import RigBases, pixels_of, reconstruction_terms
 from deeplight.training.network.discriminator import (
     AdversarialConfig,
@@ -24,6 +24,7 @@ from deeplight.training.network.discriminator import (
     generator_term,
     mirror_pictures,
 )
+from deeplight.training.share import ALONE
 
 SIZE = 8
 COVERAGE = torch.tensor(coverage(SIZE)).float()

@@ -10,15 +10,14 @@ import sys
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
-
-from deeplight.errors import InputError, ModelError
+from deeplight.errors import ModelError
 
 CPU_S = 10
 """A network of ours takes a tenth of a second."""
 WALL_S = 60
 DATA_BYTES = 1_200_000_000
-_REFUSED = 2
+REFUSED = 2
+"""Exit code of a child that printed why the network cannot be used."""
 
 
 def try_once(path: Path) -> None:
@@ -39,7 +38,7 @@ def try_once(path: Path) -> None:
 
 @lru_cache(maxsize=64)
 def _refusal(path: Path, _version: tuple[int, int]) -> tuple[str, str, str] | None:
-    command = [sys.executable, "-m", "deeplight.estimators.trial", str(path), str(CPU_S)]
+    command = [sys.executable, "-m", "deeplight.estimators.trial_process", str(path), str(CPU_S)]
     given = {"PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"}
     try:
         child = subprocess.run(
@@ -51,11 +50,11 @@ def _refusal(path: Path, _version: tuple[int, int]) -> tuple[str, str, str] | No
 
 
 def verdict(path: Path, code: int, said: bytes) -> tuple[str, str, str] | None:
-    """Judge a file by how the child that ran `main` ended and what it printed; None if usable."""
+    """Judge a file by how the child ended and what it printed; None if usable."""
     if code == 0:
         return None
     words = said.decode("utf-8", "replace").split("\0")
-    if code == _REFUSED and len(words) == 3:
+    if code == REFUSED and len(words) == 3:
         return words[0], words[1], words[2]
     if code in (-24, -9):  # SIGXCPU and what follows it
         return _bad(path, f"takes more than {CPU_S} s for one photo")
@@ -64,40 +63,3 @@ def verdict(path: Path, code: int, said: bytes) -> tuple[str, str, str] | None:
 
 def _bad(path: Path, what: str) -> tuple[str, str, str]:
     return "a network of deeplight", f"{path}, which {what}", "use another model file"
-
-
-def main(path: Path, cpu_s: int) -> int:
-    """Run in the child: give 0 if the network works, else say why not and give 2."""
-    _limit(cpu_s)
-    try:
-        estimator = _open(path)
-        contract = estimator.contract
-        estimator.estimate_inputs(np.zeros((1, 3, contract.height, contract.width), np.float32))
-    except InputError as error:
-        sys.stdout.write("\0".join((error.expected, error.got, error.do)))
-        return _REFUSED
-    return 0
-
-
-def _open(path: Path):  # type: ignore[no-untyped-def]  # its type would be a circle of imports
-    if path.suffix.lower() == ".tflite":
-        from deeplight.estimators.litert import LiteRTEstimator
-
-        return LiteRTEstimator(path, 1, trusted=True)
-    from deeplight.estimators.onnx import OnnxEstimator
-
-    return OnnxEstimator(path, 1, trusted=True)
-
-
-def _limit(cpu_s: int) -> None:
-    if sys.platform == "win32":
-        return
-    import resource
-
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
-    resource.setrlimit(resource.RLIMIT_DATA, (DATA_BYTES, DATA_BYTES))
-
-
-if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), int(sys.argv[2])))

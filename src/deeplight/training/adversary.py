@@ -9,7 +9,7 @@ from torch import Tensor
 from deeplight.training import checkpoint
 from deeplight.training.augment import Inputs
 from deeplight.training.config import TrainConfig
-from deeplight.training.devices import Share, over_all_devices
+from deeplight.training.devices import over_all_devices
 from deeplight.training.losses import LossTerms, RigBases
 from deeplight.training.network.discriminator import (
     Discriminator,
@@ -17,6 +17,7 @@ from deeplight.training.network.discriminator import (
     generator_term,
     mirror_pictures,
 )
+from deeplight.training.share import Share
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric

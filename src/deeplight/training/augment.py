@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
 from deeplight.camera_response import GAMMA
-from deeplight.training.devices import ALONE, Share
+from deeplight.training.share import ALONE, Share
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from deeplight.dataset import Chosen, SplitIndex
 from deeplight.errors import ConfigError
 from deeplight.jobs import begin_worker
 from deeplight.preprocess import landscape_background
-from deeplight.training.devices import ALONE, Share
 from deeplight.training.network.generator import PHOTO_SIZE, Orientation
+from deeplight.training.share import ALONE, Share
 
 
 @dataclass(frozen=True)

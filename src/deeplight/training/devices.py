@@ -5,42 +5,20 @@ statistics over the whole batch: so a run is the same, up to rounding, on any nu
 """
 
 import os
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from deeplight.errors import ConfigError
+from deeplight.training.config import RunConfig
+from deeplight.training.share import Share
 
 try:  # the same Fabric comes in two packages
     from lightning_fabric import Fabric
 except ImportError:
     from lightning.fabric import Fabric  # type: ignore[no-redef]
-
-if TYPE_CHECKING:
-    from deeplight.training.config import RunConfig
-
-
-@dataclass(frozen=True)
-class Share:
-    """Which rows of a batch belong to this process."""
-
-    rank: int = 0
-    ranks: int = 1
-
-    def own(self, whole: Any) -> Any:
-        """This process's rows of a whole batch: an array or a tensor whose length divides."""
-        rows = len(whole) // self.ranks
-        return whole[self.rank * rows : (self.rank + 1) * rows]
-
-    def whole(self, own_rows: int) -> int:
-        """Rows of the whole batch."""
-        return own_rows * self.ranks
-
-
-ALONE = Share()
 
 
 def first_process() -> bool:
@@ -48,7 +26,7 @@ def first_process() -> bool:
     return all(int(os.environ.get(name, "0")) == 0 for name in ("LOCAL_RANK", "NODE_RANK"))
 
 
-def fabric(config: "RunConfig", batch_size: int = 0) -> Fabric:
+def fabric(config: RunConfig, batch_size: int = 0) -> Fabric:
     """Fabric on the devices asked for, not yet launched.
 
     Raises:

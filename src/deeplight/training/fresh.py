@@ -26,8 +26,8 @@ from deeplight.training.data import (
     step_loader,
     to_device,
 )
-from deeplight.training.devices import ALONE, Share
 from deeplight.training.network.generator import Orientation
+from deeplight.training.share import ALONE, Share
 
 if TYPE_CHECKING:
     from deeplight.training.config import TrainConfig

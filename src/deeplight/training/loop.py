@@ -25,12 +25,12 @@ from deeplight.training.checkpoint import BEST
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
 from deeplight.training.data import Batch
-from deeplight.training.devices import ALONE, Share
 from deeplight.training.fresh import Epochs
 from deeplight.training.losses import LossTerms, reconstruction_terms
 from deeplight.training.optimiser import set_learning_rate
 from deeplight.training.record import RecentLosses
 from deeplight.training.setup import CONSTANT_EXAMPLES, Setup, set_up
+from deeplight.training.share import ALONE, Share
 from deeplight.training.sources import Sources
 from deeplight.training.validation import SphereErrors, score, some_of
 

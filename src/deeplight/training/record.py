@@ -14,8 +14,9 @@ from deeplight.io.atomic import replacing
 from deeplight.sphere import SPHERES
 from deeplight.training.agreement import FLIP
 from deeplight.training.config import TrainConfig
-from deeplight.training.devices import Share, mean_over
+from deeplight.training.devices import mean_over
 from deeplight.training.losses import LossTerms
+from deeplight.training.share import Share
 from deeplight.training.validation import SphereErrors
 
 ABOUT_D = ("adversarial", "d_loss", "d_real", "d_fake")

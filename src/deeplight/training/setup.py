@@ -20,7 +20,6 @@ from deeplight.training.adversary import Adversary
 from deeplight.training.augment import prepare
 from deeplight.training.config import TrainConfig
 from deeplight.training.data import BatchSource, ExampleBytes, refuse_other_size
-from deeplight.training.devices import Share
 from deeplight.training.fitted import fit_all, principal_components
 from deeplight.training.fresh import Epochs, Fresh, FreshBatches, source_of, with_fresh
 from deeplight.training.losses import RigBases
@@ -29,6 +28,7 @@ from deeplight.training.network.generator import Generator, Mixture
 from deeplight.training.network.imagenet import load_imagenet
 from deeplight.training.optimiser import MovingAverage, make_optimiser
 from deeplight.training.record import RunRecord, reported_by
+from deeplight.training.share import Share
 from deeplight.training.slim import start_from
 from deeplight.training.sources import Sources
 from deeplight.training.teacher import Teacher
