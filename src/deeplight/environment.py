@@ -173,7 +173,7 @@ class Environment:
 
     def __repr__(self) -> str:
         known = "" if self.seen is None else f", {self.seen.mean():.0%} of it seen"
-        size = f"{self.radiance.shape[1]} x {self.height}"
+        size = f"{self.height} x {self.radiance.shape[1]}"
         return f"Environment({size}, {self.frame} frame, unit {self.unit}{known})"
 
 

@@ -44,7 +44,7 @@ def convert(
     >>> deeplight.convert(white, "white.exr")
     [PosixPath('white.exr')]
     >>> deeplight.read_environment("white.exr")
-    Environment(128 x 64, camera frame, unit camera_white)
+    Environment(64 x 128, camera frame, unit camera_white)
     """
     spec = FileSpec(Path(out), format, mapping, made_for, size)
     return write_environment(_environment(light, spec).edited(edit or Edit()), spec)
