@@ -100,7 +100,8 @@ round-trip: $(VENV)/.installed-test .round-trip/.installed
 		DEEPLIGHT_IMAGECODECS_PYTHON=.round-trip/codecs/bin/python \
 		DEEPLIGHT_NODE_MODULES=$(CURDIR)/.round-trip/node_modules \
 		$(BIN)/pytest -m slow -s --timeout 600 tests/parity/test_mitsuba_export.py \
-		tests/parity/test_blender.py tests/parity/test_three.py tests/parity/test_babylon.py \
+		tests/parity/test_blender.py tests/parity/test_blender_extension.py \
+		tests/parity/test_three.py tests/parity/test_babylon.py \
 		tests/parity/test_ultra_hdr.py tests/parity/test_ktx2.py
 
 .round-trip/.installed:
