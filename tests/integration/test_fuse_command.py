@@ -173,7 +173,8 @@ def test_a_level_light_has_up_at_the_top(tmp_path: Path) -> None:
     assert abs(rows.mean() - wanted) < 1.5
 
 
-def test_a_phones_panorama_is_seen_where_it_shows(tmp_path: Path) -> None:
+@pytest.mark.parametrize("metadata", [True, False])
+def test_a_phones_panorama_is_seen_where_it_shows(tmp_path: Path, metadata: bool) -> None:
     whole = (np.clip(pan().panorama, 0, 1) ** (1 / 2.2) * 255).astype(np.uint8)
     xmp = (
         b"http://ns.adobe.com/xap/1.0/\0<x:xmpmeta><rdf:Description "
@@ -182,7 +183,7 @@ def test_a_phones_panorama_is_seen_where_it_shows(tmp_path: Path) -> None:
     )
     jpeg = encode_jpeg(whole)
     segment = b"\xff\xe1" + (len(xmp) + 2).to_bytes(2, "big") + xmp
-    (tmp_path / "pano.jpg").write_bytes(jpeg[:2] + segment + jpeg[2:])
+    (tmp_path / "pano.jpg").write_bytes(jpeg[:2] + segment * metadata + jpeg[2:])
     assert fuse(tmp_path / "out", tmp_path / "pano.jpg") == 0
     found = read_environment(tmp_path / "out" / "pano.json")
     assert found.seen is not None
@@ -191,6 +192,12 @@ def test_a_phones_panorama_is_seen_where_it_shows(tmp_path: Path) -> None:
     wanted = shrink_latlong(pan().panorama, HEIGHT)
     off = np.abs(np.log(found.radiance / wanted))[found.seen > 0.99]
     assert np.median(off) < 0.1
+
+
+def test_one_photo_is_too_few(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (photo,) = photos(tmp_path, 1)
+    assert fuse(tmp_path / "out", photo) == 2
+    assert f"got one picture, {Path(photo).name}" in capsys.readouterr().err
 
 
 def cylinder(focal_px: float, height: int, width: int) -> np.ndarray:

@@ -73,7 +73,6 @@ def run(args: Args) -> None:
     """Fuse; print what was made and what had to be left out."""
     from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import results_console
-    from deeplight.fuse.panorama_photo import is_panorama
     from deeplight.fuse.results import seen_share
     from deeplight.io.atomic import results_folder
     from deeplight.io.photos import photo_paths
@@ -81,8 +80,6 @@ def run(args: Args) -> None:
 
     _check(args)
     paths = [p for s in args.sources for p in ([s] if is_video(s) else photo_paths([s]))]
-    if all(not is_video(path) and is_panorama(path) for path in paths):
-        refuse_unused(args, "with panoramas, which say it themselves", "fov")
     if args.poses is not None or not any(is_video(path) for path in paths):
         refuse_unused(args, "without a clip to look through", "workers")
     with results_folder(args.out), _kept(paths, args) as kept:
@@ -90,7 +87,10 @@ def run(args: Args) -> None:
     console = results_console()
     made = ", ".join([str(files[0]), *(file.name for file in files[1:])])
     console.print(escape(f"{_named(paths)} -> {made}"))
-    seen = f"{len(fused.placed)} frames, {seen_share(fused.environment):.0%} of the sphere seen"
+    count = len(fused.placed)
+    seen = (
+        f"{count} frame{'s' * (count > 1)}, {seen_share(fused.environment):.0%} of the sphere seen"
+    )
     dropped = [f"could not be placed: {', '.join(f.name for f in fused.dropped)}"]
     for note in (seen, *(dropped if fused.dropped else ()), *notes, *fused.notes):
         console.print(f"  [dim]{escape(note)}[/dim]")
@@ -122,6 +122,7 @@ def _fused(
     paths: list[Path], args: Args, kept: "KeptFolder | None"
 ) -> tuple["Fused", list[Path], list[str]]:
     """The light, its files, and what was left out."""
+    from deeplight.cli.flags import refuse_unused
     from deeplight.estimators.open import open_model
     from deeplight.fuse.frame import frame_of
     from deeplight.fuse.fuse import FuseSettings, fuse_frames
@@ -140,6 +141,8 @@ def _fused(
         frames = [frame for frame in posed if frame.world_from_camera is not None]
         if len(frames) < len(posed):
             notes.append(f"{len(posed) - len(frames)} without a pose left out")
+    elif all(frame.world_from_camera is not None for frame in frames):
+        refuse_unused(args, "with panoramas, which say it themselves", "fov")
     front = None if args.front is None else frame_of(read_photo(args.front), args.front.name, -1)
     asked = _place(frames, args.frame)
     settings = FuseSettings(args.fov, asked, args.level, args.height)

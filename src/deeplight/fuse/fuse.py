@@ -185,15 +185,17 @@ def _placed(
     found = _tracked(frames, fov, known, kept)
     if not found.rotations:
         if len(frames) == 1:
+            wanted = "several photos, a panorama, or a clip in which the camera turns"
             do = "turn while filming, or use `deeplight estimate`"
-            raise ImageFileError("a clip in which the camera turns", "one that stands still", do)
-        got = f"{len(frames)} of which no two show the same thing"
+            raise ImageFileError(wanted, f"one picture, {frames[0].name}", do)
+        got = f"{len(frames)} pictures of which no two show the same thing"
         do = "turn slower so that neighbours overlap by a third, or give --poses"
         raise ImageFileError("pictures that overlap", got, do)
     notes = []
     if not known:
-        refined = degrees(found.vertical_fov_rad)
-        notes.append(f"field of view unknown, found {refined:.0f} degrees vertically: give --fov")
+        way = "assumed" if found.vertical_fov_rad == fov else "found"
+        angle = f"{way} {degrees(found.vertical_fov_rad):.0f} degrees vertically"
+        notes.append(f"field of view unknown, {angle}: give --fov")
     return found.rotations, found.vertical_fov_rad, notes
 
 

@@ -61,6 +61,8 @@ def panorama_notes(path: Path, height: int, width: int) -> tuple[str, ...]:
     """What had to be assumed of a panorama of this size."""
     if _value(path, b"ProjectionType") in PROJECTIONS:
         return ()
+    if _swept_35mm(path) is None:
+        return ("twice as wide as high: taken for a whole sphere, equirectangular",)
     degrees = 360 * width / _facts(path, height, width).full_width
     return (f"panorama without GPano data: taken for a cylinder {degrees:.0f} degrees wide",)
 
@@ -96,8 +98,10 @@ def panorama_frames(
         facts = _facts(path, *pixels.shape[:2])
     around = ceil(2 * pi / _STEP_RAD)
     found = False
-    for pitch, narrowest in ((0.0, radians(20)), (radians(42), _WIDEST), (radians(-42), _WIDEST)):
-        for k in range(around):
+    rings = ((0.0, radians(20)), (radians(42), _WIDEST), (radians(-42), _WIDEST))
+    poles = ((pi / 2, _WIDEST), (-pi / 2, _WIDEST))
+    for pitch, narrowest in (*rings, *poles):
+        for k in range(1 if abs(pitch) == pi / 2 else around):
             turn = world_from_camera(-2 * pi * k / around, pitch)
             for fov in np.arange(_WIDEST, narrowest - 1e-6, -radians(8)):
                 camera = PinholeCamera(_VIEW_ROWS * 9 // 16, _VIEW_ROWS, float(fov))

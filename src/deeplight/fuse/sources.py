@@ -42,15 +42,18 @@ def read_frames(
         return thinned(clip_frames(clip, kept, workers) if poses is None else _posed(clip, poses))
     found: list[SourceFrame] = []
     for path in paths:
-        if is_panorama(path):
-            whole = read_photo(path).pixels
+        photo = read_photo(path)
+        whole = photo.pixels
+        # A lone photo cannot be fused: twice as wide as high, it is a sphere without metadata.
+        sphere = poses is None and len(paths) == 1 and whole.shape[1] == 2 * whole.shape[0]
+        if is_panorama(path) or (sphere and photo.vertical_fov_rad is None):
             notes = panorama_notes(path, *whole.shape[:2])
             found += [
                 SourceFrame(path.name, pixels, len(found) + k, 0.0, fov, 0.0, turn, notes)
                 for k, (pixels, fov, turn) in enumerate(panorama_frames(path, whole))
             ]
         else:
-            found.append(frame_of(read_photo(path), path.name, len(found)))
+            found.append(frame_of(photo, path.name, len(found)))
     return found
 
 
