@@ -23,7 +23,7 @@ from deeplight.capture.materials import brightest, name_spheres
 from deeplight.capture.motion import Evidence, persistent_edges
 from deeplight.capture.refine import SphereOutline, refine, refine_by_sides, split_cost
 from deeplight.capture.rig_file import read_rig_file, write_rig_file
-from deeplight.capture.sizes import expected_radius
+from deeplight.capture.sizes import alike_sizes, expected_radius
 from deeplight.capture.tag import cones_next_to_tag, tag_corners
 from deeplight.errors import DataSetError
 from deeplight.frames import looking_at, normalised, rotation, turned
@@ -105,6 +105,25 @@ def test_a_faint_outline_is_seen_by_spokes_together() -> None:
     assert separation_rad(there.cone, THREE[1]) * pixel_scale(CAMERA) < 1.5
     for x, y in ((0.0, 0.3), (-0.2, 0.1), (0.2, 0.5), (0.1, 0.0)):  # nothing is there
         assert refine(cone_at(x, y, 4.0), frames, CAMERA).together < 0.4
+
+
+@pytest.mark.parametrize("support", [0.5, 0.99])
+def test_a_highlight_is_not_taken_for_a_sphere(support: float) -> None:
+    """It is where less of an outline is seen than at the other sphere's size, and only there."""
+    silver, diffuse = THREE[1], cone_at(0.22, -0.4, 4.1)
+    inside = Cone(silver.direction, 0.78 * silver.angular_radius_rad)
+    frames = frames_of([silver, diffuse])
+    share = covered(inside)
+    frames = [np.round(frame * (1 - share) + 240 * share).astype(np.uint8) for frame in frames]
+    named = {
+        "matte_silver": SphereOutline(inside, support, 1.0),
+        "diffuse": SphereOutline(diffuse, 0.99, 1.0),
+    }
+    found = alike_sizes(named, frames, CAMERA)
+    assert found["diffuse"] is named["diffuse"]
+    radius = found["matte_silver"].cone.angular_radius_rad
+    wanted = silver if support < 0.9 else inside
+    assert radius == pytest.approx(wanted.angular_radius_rad, rel=0.02)
 
 
 def found_in(frames: list[np.ndarray]) -> list[Cone]:

@@ -24,8 +24,8 @@ from deeplight.capture.located import (
 )
 from deeplight.capture.materials import name_spheres
 from deeplight.capture.motion import WORKING_SIDE, Evidence, Sample, evidence, gather
-from deeplight.capture.refine import SphereOutline, refine, refine_by_sides, refine_place
-from deeplight.capture.sizes import even_sizes, mirror_of_size
+from deeplight.capture.refine import SphereOutline, refine, refine_place
+from deeplight.capture.sizes import alike_sizes, even_sizes, mirror_of_size
 from deeplight.capture.tag import cones_next_to_tag, tag_corners
 from deeplight.io.video import VideoFrame
 from deeplight.sphere import SPHERES
@@ -39,7 +39,6 @@ _LEAST_SUPPORT = 0.2  # share of the outline that the frames must show to be the
 _FULL_SUPPORT = 0.35  # the same where less speaks for a sphere: no motion, or a place on the bar
 _TOGETHER = {_LEAST_SUPPORT: 0.4, _FULL_SUPPORT: 0.5}  # will do as well; noise comes to 0.3
 _ERROR_FOR_SUPPORT = 0.22  # the fainter the outlines, the better the light must explain the spheres
-_UNLIKE = 1.05  # ratio of two rough spheres' sizes from which on one may be a highlight
 _UNCLEAR = 0.5  # support below which a person should look
 _LEAST_SEEN = 0.5  # share of the outline that must lie inside the picture
 _LEAST_CONFIDENCE = 0.9  # in the names
@@ -140,7 +139,8 @@ def _checked(clip: _Clip, cones: list[Cone], least_support: float) -> Located | 
         return f"three circles that do not light each other (error {naming.error:.2f})"
     if naming.confidence < _LEAST_CONFIDENCE:
         return f"three spheres, but not which is which (sure to {naming.confidence:.0%})"
-    named = _alike(dict(zip(naming.names, outlines, strict=True)), frames, clip.camera)
+    named = dict(zip(naming.names, outlines, strict=True))
+    named = alike_sizes(named, frames, clip.camera)
     start = cones[naming.names.index("mirror")]
     named["mirror"], warnings = even_sizes(named, start, frames, clip.camera)
     fault = _fault(list(named.values()), least_support)
@@ -150,23 +150,6 @@ def _checked(clip: _Clip, cones: list[Cone], least_support: float) -> Located | 
     if not (fault or clear) and naming.error > _ERROR_FOR_SUPPORT * faintest:
         return "faint outlines of what could be spheres"
     return fault or _located(clip, named, naming.confidence, "flow", warnings)
-
-
-def _alike(
-    named: dict[str, SphereOutline], frames: list[np.ndarray], camera: PinholeCamera
-) -> dict[str, SphereOutline]:
-    """The same, the smaller rough sphere looked for at the other's size if they differ.
-
-    A highlight's edge in a dim silver sphere is a circle, too, clearer at first than the rim.
-    """
-    radius = {name: named[name].cone.angular_radius_rad for name in SPHERES if name != "mirror"}
-    small, large = sorted(radius, key=radius.__getitem__)
-    if radius[large] < _UNLIKE * radius[small]:
-        return named
-    start = Cone(named[small].cone.direction, radius[large])
-    coarse = refine_by_sides(start, frames, camera, _STIFFNESS)
-    again = refine_place(coarse.cone, frames, camera, _STIFFNESS)
-    return named | {small: again} if again.support > named[small].support else named
 
 
 def _fault(outlines: list[SphereOutline], least_support: float) -> str | None:

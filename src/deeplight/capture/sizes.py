@@ -1,4 +1,4 @@
-"""The mirror's size, helped by the two others: its rim shows the world right behind it.
+"""The spheres' sizes, helped by each other: a mirror's rim shows the world right behind it.
 
 A mirror ball's rim is nearly as bright as what lies behind, and its reflections bunch up into
 rings just inside. The two other balls have clear outlines and the same size, so where the mirror's
@@ -16,10 +16,32 @@ from deeplight.capture.conic import Cone
 from deeplight.capture.refine import SURE, SphereOutline, refine_by_sides, refine_place
 
 _STIFFNESS = 0.01  # see `refine_by_sides`
+_HIGHLIGHT_STIFFNESS = 0.08
+_UNLIKE = 1.05  # ratio of two rough spheres' sizes from which on one may be a highlight
 _RING = 0.02  # of the radius: outlines farther apart are not one
 _RIM = 0.8  # how clear a rim must be next to the ring inside of it
 _NEAR = 0.3  # of its radius, within which the mirror may be where an even bar has it
 _UNEVEN = 0.01  # a difference of sizes that is not a matter of measuring
+
+
+def alike_sizes(
+    named: dict[str, SphereOutline],
+    frames: list[UInt8[np.ndarray, "height width"]],
+    camera: PinholeCamera,
+) -> dict[str, SphereOutline]:
+    """The outlines, the smaller rough sphere's looked for again at the other's size if they differ.
+
+    The edge of a highlight in a dim silver sphere is a circle, too, clearer at first than its rim.
+    What is found so is taken where more of its outline is seen.
+    """
+    radius = {name: named[name].cone.angular_radius_rad for name in ("matte_silver", "diffuse")}
+    small, large = sorted(radius, key=radius.__getitem__)
+    if radius[large] < _UNLIKE * radius[small]:
+        return named
+    start = Cone(named[small].cone.direction, radius[large])
+    coarse = refine_by_sides(start, frames, camera, _HIGHLIGHT_STIFFNESS)
+    again = refine_place(coarse.cone, frames, camera, _HIGHLIGHT_STIFFNESS)
+    return named | {small: again} if again.support > named[small].support else named
 
 
 def even_sizes(
