@@ -69,13 +69,6 @@ def compose_photo(
     viewpoint, assumed = viewpoint_of(opened.source, framing, where, opened.pixels)
     items = [Item(given) if isinstance(given, str) else given for given in objects]
     radiance = light.radiance * np.float32(2.0**stops)
-    composed = compose(
-        opened.pixels,
-        radiance,
-        viewpoint,
-        items,
-        settings or ComposeSettings(),
-        framing.bottom,
-        progress,
-    )
+    how = settings or ComposeSettings()
+    composed = compose(opened.pixels, radiance, viewpoint, items, how, framing.bottom, progress)
     return replace(composed, notes=(*notes, *assumed, *composed.notes))
