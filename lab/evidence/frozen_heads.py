@@ -31,15 +31,14 @@ from deeplight.solve import light_from_spheres
 from deeplight.sphere import SPHERES, Rig
 from deeplight.training.data import balanced_order
 from deeplight.training.fitted import principal_components
-from deeplight.training.losses import RigBases, encode, soft_clip, target_pixels
 from deeplight.training.network.generator import START_RADIANCE
 from deeplight.training.network.imagenet import load_imagenet
 from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder
+from lab.evidence.some_pixels import SomePixels
 
 VALIDATION = ("val_indoor", "val_outdoor")
 COMPONENTS, DIRECTIONS, HIDDEN, DROPOUT = 40, 384, 256, 0.3
 BATCH, LEARNING_RATE, WEIGHT_DECAY, AVERAGE = 128, 3e-3, 1e-2, 0.99
-PIXELS = (183, 60, 40)  # of mirror, matte silver, diffuse, drawn anew for each step
 FITS = 1000
 REPORTED = ("l1_diffuse", "l1_matte_silver", "l1_mirror", "theta_rgb_deg")
 WEIGHTS = {  # mirror, matte silver, diffuse
@@ -184,9 +183,7 @@ class Bench:
 
     def __init__(self, rig: Rig, train: PhotoFeatures, val: PhotoFeatures, steps: int) -> None:
         self.val, self.steps, self.bases = val, steps, rig_bases(rig)
-        shown = RigBases.from_rigs([rig])
-        self.inside = [shown.mask[0, s].nonzero()[:, 0] for s in range(len(SPHERES))]
-        self.basis = [shown.basis[0, s][px] for s, px in enumerate(self.inside)]
+        self.pixels = SomePixels(self.bases)
         self.mean, self.components = principal_components(self.fits(train), COMPONENTS, True, True)
 
     def fits(self, train: PhotoFeatures) -> Tensor:
@@ -266,7 +263,7 @@ class Bench:
             batch = balanced_order(groups, BATCH, random)
             answer = head(features[batch])
             flipped = train.flipped[batch][:, None, None, None]
-            loss = self.loss(
+            loss = self.pixels.loss(
                 torch.where(flipped, answer.flip(-1), answer), train.spheres[batch], weights, random
             )
             optimiser.zero_grad()
@@ -276,23 +273,6 @@ class Bench:
             average.update_parameters(head)
         averaged: Head = average.module.eval()  # type: ignore[assignment]
         return averaged
-
-    def loss(
-        self, log_radiance: Tensor, spheres: np.ndarray, weights: Sequence[float],
-        random: np.random.Generator,
-    ) -> Tensor:  # fmt: skip
-        """Equation 4 on some pixels of each sphere that teaches."""
-        light, total = log_radiance.exp().flatten(2), log_radiance.new_zeros(())
-        for number, weight in enumerate(weights):
-            if weight == 0:
-                continue
-            inside = self.inside[number]
-            some = torch.from_numpy(random.choice(len(inside), PIXELS[number], replace=False))
-            rendered = encode(soft_clip(light @ self.basis[number][some].T))
-            flat = spheres[:, number].reshape(len(spheres), -1, 3)[:, inside[some].numpy()]
-            filmed = torch.from_numpy(flat).permute(0, 2, 1) / 255.0
-            total = total + weight * (rendered - target_pixels(filmed, "consistent")).abs().mean()
-        return total
 
 
 if __name__ == "__main__":
