@@ -57,7 +57,7 @@ def test_scalars_are_those_of_the_example() -> None:
 
 
 def toy_views() -> Views:
-    """Places whose light is brighter than the network says, by what the exposure tells."""
+    """Places whose light is brighter than the network says, by what the exposure says."""
     random = np.random.default_rng(0)
     scalars = random.normal(0, 0.5, (PHOTOS, MEMBERS.shape[1]))
     gain = np.exp(scalars[:, 0])
