@@ -186,3 +186,22 @@ test("what was seen can be taken away: as .hdr, as .json, as a picture of all ar
   expect(picture.subarray(0, 2).toString("hex")).toBe("ffd8");
   await leave();
 });
+
+test("what was seen is a file that the page goes on from; another file is refused", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  await page.click("#open-camera");
+  await untilLit(page);
+  const buffer = await saved(page, "#save-session");
+  expect(buffer.subarray(0, 2).toString()).toBe("PK");
+  await page.click("#close");
+  const file = { name: "place.npz", mimeType: "application/octet-stream", buffer };
+  await page.setInputFiles("#session-file", file); // opens the camera, too
+  await page.waitForFunction(() =>
+    /Opened \d+/.test(document.querySelector("#status")!.textContent!),
+  );
+  await untilLit(page);
+  await page.setInputFiles("#session-file", { ...file, buffer: buffer.subarray(0, 999) });
+  await page.waitForSelector("#notice[open]");
+  expect(await page.textContent("#notice-title")).toBe("This file cannot be read");
+  await leave();
+});

@@ -2,7 +2,14 @@
 import { asFailure, type FailureKind } from "../failure.ts";
 
 /** What a button under the sentence does. */
-export type Remedy = "camera" | "photo" | "retry" | "reload" | "model-file" | "close";
+export type Remedy =
+  | "camera"
+  | "photo"
+  | "retry"
+  | "reload"
+  | "model-file"
+  | "session-file"
+  | "close";
 
 export interface Advice {
   readonly title: string;
@@ -117,6 +124,11 @@ const ADVICE: Record<FailureKind, Advice> = {
     title: "This object is too large",
     sentence: "It has more than 100 megabytes or two million triangles. Choose a simpler one.",
     remedies: ["model-file", "close"],
+  },
+  "session-damaged": {
+    title: "This file cannot be read",
+    sentence: "It is not what this page or deeplight saved of a place, or not all of it.",
+    remedies: ["session-file", "close"],
   },
   "object-missing": {
     title: "The object could not be loaded",

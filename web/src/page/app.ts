@@ -126,6 +126,21 @@ export class App {
     }
   }
 
+  /** Goes on with what a camera saw before, at the same place; opens the camera where it is not. */
+  async openSession(file: Blob): Promise<void> {
+    try {
+      if (this.state.shows !== "live") await this.openCamera();
+      const { watch } = this;
+      if (this.state.shows !== "live" || !watch) return;
+      const views = await watch.estimator.restorePlace(new Uint8Array(await file.arrayBuffer()));
+      this.visualPose = null;
+      watch.again();
+      announce(`Opened ${views} views.`);
+    } catch (error) {
+      this.notice.show(error);
+    }
+  }
+
   otherCamera(): Promise<void> {
     const { facing } = this;
     // Without sensors nothing says how the two cameras' worlds fit together.
@@ -225,6 +240,13 @@ export class App {
     const environment = await watch.estimator.fused(request);
     if (!environment) throw new Failure("cannot-save", "no light yet");
     return Light.of(environment, about);
+  }
+
+  /** What the camera has seen so far, for `openSession` and for Python. */
+  async sessionToSave(stem: string): Promise<File> {
+    const file = await this.watch?.estimator.savedPlace();
+    if (!file) throw new Failure("cannot-save", "nothing was seen yet");
+    return new File([file], `${stem}.npz`, { type: "application/octet-stream" });
   }
 
   showLightPanel(is: boolean): void {

@@ -82,6 +82,8 @@ export class Desk {
     on("save-picture", () => void this.save(() => this.picture()));
     on("save-hdr", () => void this.saveLight("hdr"));
     on("save-json", () => void this.saveLight("json"));
+    on("save-session", () => void this.save(() => app.sessionToSave(stem())));
+    on("open-session", () => input("session-file").click());
     on("save-panorama", () => void this.savePanorama());
     on("record", () => void this.record());
     on("around", () => this.forget());
@@ -125,7 +127,7 @@ export class Desk {
       button(id).disabled = !view.savesLight;
     }
     button("record").hidden = !view.savesVideo && !this.recorder;
-    button("around").hidden = !view.showsRing;
+    button("around").hidden = button("save-session").hidden = !view.showsRing;
     this.tilt.enable(view.setsTilt);
     this.showSure();
     this.showRing();

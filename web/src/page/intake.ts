@@ -4,6 +4,8 @@ import { box, input } from "./elements.ts";
 export interface Intake {
   photo(file: File): void;
   model(file: File): void;
+  /** What a camera saw before. */
+  session(file: File): void;
 }
 
 export function connectIntake(intake: Intake): void {
@@ -11,9 +13,10 @@ export function connectIntake(intake: Intake): void {
     const file = files?.[0];
     if (!file) return;
     if (/\.glb$/i.test(file.name) || file.type === "model/gltf-binary") intake.model(file);
+    else if (/\.npz$/i.test(file.name)) intake.session(file);
     else intake.photo(file);
   };
-  for (const id of ["photo-file", "model-file"]) {
+  for (const id of ["photo-file", "model-file", "session-file"]) {
     const field = input(id);
     field.addEventListener("change", () => {
       take(field.files);

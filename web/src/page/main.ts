@@ -20,6 +20,7 @@ const notice = new Notice({
   photo: () => input("photo-file").click(),
   reload: () => location.reload(),
   "model-file": () => input("model-file").click(),
+  "session-file": () => input("session-file").click(),
 });
 
 function start(): void {
@@ -35,6 +36,7 @@ function start(): void {
   connectIntake({
     photo: (file) => void app.openPhoto(file),
     model: (file) => void desk.openModel(file),
+    session: (file) => void app.openSession(file),
   });
   void offerRoom(app);
   showExamples(app);

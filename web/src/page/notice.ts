@@ -10,6 +10,7 @@ const LABELS: Record<Remedy, string> = {
   retry: "Try again",
   reload: "Load the page again",
   "model-file": "Choose another file",
+  "session-file": "Choose another file",
   close: "Close",
 };
 

@@ -4,8 +4,7 @@
  * The format is `docs/transfer.md`; `deeplight transfer` writes it. Frame of the object: +Y is up, it stands on
  * y = 0, its longest side is 1. Harmonics have the order and signs of `Lighting.harmonics`.
  */
-import { TRANSFER } from "deeplight/core";
-import { crc32 } from "./crc32.ts";
+import { crc32, TRANSFER } from "deeplight/core";
 
 /** A file that is no transfer, or a damaged one; the message is for people. */
 export class TransferError extends Error {}

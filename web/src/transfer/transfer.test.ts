@@ -1,6 +1,6 @@
+import { crc32 } from "deeplight/core";
 import { beforeEach, describe, expect, test } from "vitest";
 import { bytes, floats, golden } from "../../tests/golden.ts";
-import { crc32 } from "./crc32.ts";
 import { fitting, meet, metLength, sentBy, shadowRatios } from "./evaluate.ts";
 import { parseTransfer, type Transfer, TransferError } from "./format.ts";
 import { makeGroundShadow, makeTransferObject } from "./object.ts";

@@ -23,5 +23,6 @@ export { Light } from "./light.ts";
 export { verticalFovRad } from "./photo/exif.ts";
 export { drawStill } from "./photo/still.ts";
 export { frameOfVideo, onEachFrame } from "./photo/video.ts";
+export { crc32 } from "./save/crc32.ts";
 export { type About, hdrFile, jsonFile, panoramaFile } from "./save/index.ts";
 export { LIGHT_FEATURES, type SessionTracking, trackSession } from "./xr/track-session.ts";

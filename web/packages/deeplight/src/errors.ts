@@ -5,6 +5,7 @@ export type EstimateErrorKind =
   | "model-version" // a contract that this page does not serve
   | "runtime" // WebAssembly with SIMD is missing
   | "no-light" // the network gave NaN or infinite light
+  | "session-damaged" // no file of what was seen, cut short, or of another version
   | "closed"; // the estimator was closed
 
 export class EstimateError extends Error {

@@ -21,5 +21,5 @@ export {
   load,
 } from "./load.ts";
 export type { PhotoSource } from "./photo/source.ts";
-export type { TrackedLight, Tracking, TrackOptions } from "./track.ts";
+export type { TrackedLight, Tracking, TrackOptions, VideoTracking } from "./track.ts";
 export { LIGHT_FEATURES, type SessionOptions, type SessionTracking } from "./xr/track-session.ts";

@@ -9,7 +9,7 @@ import { Smoother } from "./light/smoother.ts";
 import { Light } from "./light.ts";
 import { type PhotoSource, taken } from "./photo/source.ts";
 import { onEachFrame } from "./photo/video.ts";
-import { type TrackedLight, type Tracking, type TrackOptions, track } from "./track.ts";
+import { type TrackedLight, type TrackOptions, track, type VideoTracking } from "./track.ts";
 import InlineWorker from "./worker.ts?worker&inline";
 import { type SessionOptions, type SessionTracking, trackSession } from "./xr/track-session.ts";
 import type { XRSessionLike } from "./xr/types.ts";
@@ -125,7 +125,7 @@ export class LightEstimator {
     video: HTMLVideoElement,
     seen: (tracked: TrackedLight) => void,
     options: TrackOptions = {},
-  ): Tracking {
+  ): VideoTracking {
     return track(this.estimator, video, seen, options);
   }
 

@@ -36,6 +36,13 @@ export interface Tracking {
   reset(): void;
 }
 
+export interface VideoTracking extends Tracking {
+  /** What was seen so far as an .npz file, which Python's `Session.load` reads, too; null where nothing was. */
+  save(): Promise<Uint8Array<ArrayBuffer> | null>;
+  /** Goes on from such a file; gives how many views it has. @throws EstimateError "session-damaged" */
+  open(file: Uint8Array): Promise<number>;
+}
+
 const ROWS = 128;
 const EVERY_MS = 200;
 
@@ -44,7 +51,7 @@ export function track(
   video: HTMLVideoElement,
   seen: (tracked: TrackedLight) => void,
   options: TrackOptions,
-): Tracking {
+): VideoTracking {
   const { rows = ROWS, everyMs = EVERY_MS, verticalFovRad, onError } = options;
   const held = options.worldFromCamera ?? (() => null);
   let [isBusy, isStopped, latestMs, isNew] = [false, false, Number.NEGATIVE_INFINITY, false];
@@ -79,5 +86,10 @@ export function track(
     stopFrames();
     estimator.leavePlace();
   };
-  return { stop, reset: () => estimator.leavePlace() };
+  return {
+    stop,
+    reset: () => estimator.leavePlace(),
+    save: () => estimator.savedPlace(),
+    open: (file) => estimator.restorePlace(file),
+  };
 }

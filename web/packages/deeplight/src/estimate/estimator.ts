@@ -43,12 +43,20 @@ export interface ModelFacts {
 /** What the worker says of one frame. */
 type Answered = Extract<
   Reply,
-  { runMs: number } | { tracked: unknown } | { fused: unknown } | { failed: unknown }
+  | { runMs: number }
+  | { tracked: unknown }
+  | { fused: unknown }
+  | { saved: unknown }
+  | { restored: unknown }
+  | { failed: unknown }
 >;
-type Result = Answer | Tracked | Environment | null;
+type Result = Answer | Tracked | Environment | Uint8Array<ArrayBuffer> | number | null;
 
 interface Job {
-  readonly request: Extract<Request, { frame: unknown } | { fused: unknown }>;
+  readonly request: Extract<
+    Request,
+    { frame: unknown } | { fused: unknown } | { save: unknown } | { restore: unknown }
+  >;
   /** Called with the network's light alone, where more follows. */
   readonly first?: ((answer: Answer) => void) | undefined;
   readonly done: (answer: Result) => void;
@@ -95,7 +103,7 @@ export class Estimator {
   ): Promise<Estimate | null> {
     const request = { frame, verticalFovRad, sceneRows };
     const answer = await this.#asked(request, (one) => first?.(estimateOf(one)));
-    return answer && "logRadiance" in answer ? estimateOf(answer) : null;
+    return isRecord(answer) && "logRadiance" in answer ? estimateOf(answer) : null;
   }
 
   /** Takes a frame, which is closed, into the light of the place; null as from `estimate`. */
@@ -105,13 +113,25 @@ export class Estimator {
     track: TrackRequest,
   ): Promise<Tracked | null> {
     const answer = await this.#asked({ frame, verticalFovRad, track });
-    return answer && "isStill" in answer ? answer : null;
+    return isRecord(answer) && "isStill" in answer ? answer : null;
   }
 
   /** The light of all tracked frames once more, in a camera's frame; null where there is none. */
   async fused(fused: FusedRequest): Promise<Environment | null> {
     const answer = await this.#asked({ fused });
-    return answer && "seen" in answer ? answer : null;
+    return isRecord(answer) && "seen" in answer ? answer : null;
+  }
+
+  /** What was tracked as a file, the .npz of Python's `Session.load`; null where nothing was. */
+  async savedPlace(): Promise<Uint8Array<ArrayBuffer> | null> {
+    const answer = await this.#asked({ save: true });
+    return answer instanceof Uint8Array ? answer : null;
+  }
+
+  /** Goes on from such a file; how many views it has. @throws EstimateError "session-damaged" */
+  async restorePlace(file: Uint8Array): Promise<number> {
+    const answer = await this.#asked({ restore: file });
+    return typeof answer === "number" ? answer : 0;
   }
 
   /** Forgets what was tracked: the place has been left. */
@@ -174,9 +194,15 @@ export class Estimator {
     this.#running = null;
     if ("failed" in reply) job?.failed(errorOf(reply.failed));
     else if ("tracked" in reply) job?.done(reply.tracked);
+    else if ("saved" in reply) job?.done(reply.saved);
+    else if ("restored" in reply) job?.done(reply.restored);
     else job?.done("fused" in reply ? reply.fused : reply);
     this.#next();
   }
+}
+
+function isRecord(result: Result): result is Answer | Tracked | Environment {
+  return typeof result === "object" && result !== null && !(result instanceof Uint8Array);
 }
 
 function estimateOf({ logRadiance, ...others }: Answer): Estimate {

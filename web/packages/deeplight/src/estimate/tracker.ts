@@ -1,5 +1,6 @@
 /** The frames of one place, one after the other: an estimate where something moved, and the light of all. */
 
+import { EstimateError } from "../errors.ts";
 import { type Added, Session } from "../fuse/session.ts";
 import { type SmallPicture, smallSize } from "../fuse/view.ts";
 import { VisualRotation } from "../fuse/visual-rotation.ts";
@@ -7,6 +8,7 @@ import type { Environment } from "../light/environment.ts";
 import { angleBetween, IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
 import type { Contract } from "../network/contract.ts";
 import { type Network, requireFinite } from "../network/network.ts";
+import { sessionFile, sessionOf } from "../save/session-file.ts";
 import { CellMeans, wholePhoto } from "./cell-means.ts";
 import { framePhoto } from "./framing.ts";
 import { type Frame, type Picker, sizeOf } from "./picker.ts";
@@ -36,7 +38,7 @@ export interface Tracked {
 }
 
 export class Tracker {
-  readonly #session = new Session();
+  #session = new Session();
   readonly #visual = new VisualRotation();
   #last: { picture: SmallPicture; pose: Matrix3x3 } | null = null;
   #logGain: Added["logGain"] = [0, 0, 0];
@@ -84,6 +86,32 @@ export class Tracker {
   fused({ worldFromCamera, rows }: FusedRequest): Environment | null {
     if (this.#session.views.length === 0) return null;
     return this.#session.environment(rows, worldFromCamera, this.#logGain);
+  }
+
+  /** What was seen so far as a file; null where nothing was. */
+  saved(): Uint8Array<ArrayBuffer> | null {
+    return this.#session.views.length > 0 ? sessionFile(this.#session) : null;
+  }
+
+  /** Goes on from a file; gives how many views it has. @throws EstimateError */
+  restore(file: Uint8Array): number {
+    let session: Session;
+    try {
+      session = sessionOf(file);
+    } catch (error) {
+      throw new EstimateError("session-damaged", String(error));
+    }
+    this.leave();
+    const { views, gains } = session;
+    const newest = views.reduce(
+      (best, { number }, k) => (number > views[best]!.number ? k : best),
+      0,
+    );
+    const [red, green, blue] = gains.subarray(3 * newest, 3 * newest + 3);
+    [this.#session, this.#logGain] = [session, [red!, green!, blue!]];
+    this.#isLit = false;
+    this.#visual.goOn(views);
+    return views.length;
   }
 
   /** Forgets everything: the place has been left. */

@@ -40,6 +40,10 @@ export type Request =
   | (WithFrame & { readonly track: TrackRequest })
   /** The light of all tracked frames once more, in a camera's frame. */
   | { readonly fused: FusedRequest }
+  /** All that was tracked, as a file. */
+  | { readonly save: true }
+  /** Goes on from such a file. */
+  | { readonly restore: Uint8Array }
   /** What was tracked is forgotten. */
   | { readonly leave: true };
 
@@ -79,6 +83,8 @@ export type Reply =
   | { readonly first: Answer }
   | { readonly fused: Environment | null }
   | { readonly tracked: Tracked }
+  | { readonly saved: Uint8Array<ArrayBuffer> | null }
+  | { readonly restored: number }
   | { readonly failed: Fault }
   | { readonly notLoaded: Fault };
 
@@ -103,6 +109,10 @@ self.onmessage = ({ data }: MessageEvent<Request>) => {
     tracker.leave();
   } else if ("fused" in data) {
     reply({ fused: tracker.fused(data.fused) });
+  } else if ("save" in data) {
+    reply({ saved: tracker.saved() });
+  } else if ("restore" in data) {
+    reply(restored(data.restore));
   } else {
     const answer =
       "track" in data
@@ -113,6 +123,14 @@ self.onmessage = ({ data }: MessageEvent<Request>) => {
     answer.then(reply, (error: unknown) => reply({ failed: faultOf(error) }));
   }
 };
+
+function restored(file: Uint8Array): Reply {
+  try {
+    return { restored: tracker.restore(file) };
+  } catch (error) {
+    return { failed: faultOf(error) };
+  }
+}
 
 function faultOf(error: unknown): Fault {
   const kind = error instanceof EstimateError ? error.kind : "runtime";

@@ -23,6 +23,17 @@ export interface Added {
   readonly logGain: readonly [number, number, number];
 }
 
+/** All that a session needs to go on. */
+export interface SessionState {
+  readonly mostViews: number;
+  readonly count: number;
+  readonly strange: number;
+  /** ln gain of the first view over the first frame ever. */
+  readonly unit: readonly [number, number, number];
+  readonly firstTurn: Matrix3x3;
+  readonly views: readonly View[];
+}
+
 /** A kept view with what was computed from it once. */
 interface Kept {
   readonly view: View;
@@ -50,8 +61,25 @@ export class Session {
   #count = 0;
   #trust: Float32Array[] | null = null;
 
-  constructor(private readonly mostViews: number = MOST_VIEWS) {
+  constructor(readonly mostViews: number = MOST_VIEWS) {
     if (!(mostViews >= 2)) throw new RangeError(`expected 2 views or more, got ${mostViews}`);
+  }
+
+  /** Goes on where `state` was taken; gains are solved anew. @throws RangeError where it cannot be one. */
+  static restored({ mostViews, count, strange, unit, firstTurn, views }: SessionState): Session {
+    const session = new Session(mostViews);
+    for (const view of views) session.#put(view);
+    requireRotation(firstTurn);
+    session.#solve();
+    [session.#firstTurn, session.#unit] = [firstTurn, unit];
+    [session.#count, session.#strange] = [count, strange];
+    return session;
+  }
+
+  get state(): SessionState {
+    const [count, strange, mostViews] = [this.#count, this.#strange, this.mostViews];
+    const [unit, firstTurn, views] = [this.#unit, this.#firstTurn, this.views];
+    return { mostViews, count, strange, unit, firstTurn, views };
   }
 
   /** What is kept; the first one defines the unit. */
@@ -71,19 +99,9 @@ export class Session {
    * @param logEstimate what the network gives for it: ln radiance on the ball.
    */
   add(picture: SmallPicture, worldFromCamera: Matrix3x3, logEstimate: Float32Array): Added {
-    requireRotation(worldFromCamera);
-    const view: View = { ...picture, worldFromCamera, logEstimate, number: this.#count++ };
     if (this.#kept.length === 0) this.#firstTurn = worldFromCamera;
-    const cells = cellsOf(view);
-    const newest: Kept = {
-      view,
-      cells,
-      places: placesOf(cells),
-      logPower: logPower(logEstimate),
-      with: new Map(),
-    };
-    const disagreement = this.#compare(newest);
-    this.#kept = [...this.#kept, newest];
+    const number = this.#count++;
+    const disagreement = this.#put({ ...picture, worldFromCamera, logEstimate, number });
     this.#solve();
     const at = 3 * (this.#kept.length - 1);
     const [red, green, blue] = this.gains.subarray(at, at + 3);
@@ -127,6 +145,17 @@ export class Session {
     this.#unit = [0, 0, 0];
     this.#strange = this.#count = 0;
     this.#trust = null;
+  }
+
+  /** Keeps one more view; how far it disagrees with the others. */
+  #put(view: View): number {
+    requireRotation(view.worldFromCamera);
+    const cells = cellsOf(view);
+    const power = logPower(view.logEstimate);
+    const newest: Kept = { view, cells, places: placesOf(cells), logPower: power, with: new Map() };
+    const disagreement = this.#compare(newest);
+    this.#kept = [...this.#kept, newest];
+    return disagreement;
   }
 
   /** Notes what the newest and all before it share; how far they disagree. */

@@ -7,7 +7,7 @@
  */
 import { angleBetween, IDENTITY, type Matrix3x3, product, transposed } from "../light/matrix.ts";
 import { solved } from "./solve.ts";
-import { type SmallPicture, tangents } from "./view.ts";
+import { type SmallPicture, tangents, type View } from "./view.ts";
 
 /** Rows of the finest and of the coarsest grey picture. */
 const FINEST_ROWS = 96;
@@ -45,6 +45,8 @@ interface Key {
 export class VisualRotation {
   #keys: Key[] = [];
   #latest: Matrix3x3 = IDENTITY;
+  /** Where the next picture looks is not known: any key picture may show it. */
+  #isAstray = false;
 
   /**
    * How the camera was held for the next picture; null where it shows nothing known.
@@ -58,6 +60,7 @@ export class VisualRotation {
       this.#latest = start;
       return start;
     }
+    if (this.#isAstray) return this.#findAnywhere(pyramid);
     const nearest = this.#keys.reduce((a, b) =>
       angleBetween(b.worldFromCamera, this.#latest) < angleBetween(a.worldFromCamera, this.#latest)
         ? b
@@ -74,9 +77,31 @@ export class VisualRotation {
     return this.#latest;
   }
 
+  /** Goes on among pictures whose rotations are known; the next one may look anywhere. */
+  goOn(views: readonly View[]): void {
+    this.#keys = views.map((view) => {
+      return { pyramid: pyramidOf(view), worldFromCamera: view.worldFromCamera };
+    });
+    this.#isAstray = true;
+  }
+
   /** Begins anew with the next picture. */
   reset(): void {
     this.#keys = [];
+    this.#isAstray = false;
+  }
+
+  /** By the key picture that it fits best: alike ones are all over a place. */
+  #findAnywhere(pyramid: Pyramid): Matrix3x3 | null {
+    let [best, most]: [Matrix3x3 | null, number] = [null, 0];
+    for (const key of this.#keys) {
+      const found = turnBetween(key.pyramid, pyramid, IDENTITY);
+      const { likeness } = found ? laidOver(key.pyramid, pyramid, 0, found) : { likeness: 0 };
+      if (!found || likeness <= most) continue;
+      [best, most] = [squared(product(key.worldFromCamera, transposed(found))), likeness];
+    }
+    if (best) [this.#latest, this.#isAstray] = [best, false];
+    return best;
   }
 }
 
