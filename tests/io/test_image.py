@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from deeplight.errors import ImageFileError, MissingExtraError
-from deeplight.io.photo_decoders import MID_GREY
+from deeplight.io.colour import MID_GREY
 from deeplight.io.photos import (
     decode_rgb,
     encode_jpeg,

@@ -13,9 +13,9 @@ import pytest
 from PIL import Image, TiffImagePlugin
 
 from deeplight.errors import ImageFileError, MissingExtraError
+from deeplight.io.colour import MID_GREY
 from deeplight.io.exif import Exif, exif_of_pillow, number
 from deeplight.io.heif_boxes import HeifHeader, read_header
-from deeplight.io.photo_decoders import MID_GREY
 from deeplight.io.photos import photo_of_pillow, photo_paths, read_photo
 from lab.fuzz import dng
 

@@ -79,6 +79,18 @@ def test_exposure_and_colour_correction_are_divided_out(tmp_path: Path, header: 
     np.testing.assert_allclose(read_hdr(path), light(), rtol=0.02, atol=0.02)
 
 
+def test_a_gamma_is_undone_before_the_exposure(tmp_path: Path) -> None:
+    stored = (2 * light()) ** np.float32(1 / 2.2)
+    path = write_radiance(tmp_path / "a.hdr", stored, header="EXPOSURE=2\nGAMMA=2.2\n")
+    np.testing.assert_allclose(read_hdr(path), light(), rtol=0.03, atol=0.02)
+
+
+@pytest.mark.parametrize("value", ["1", "0", "-2", "nan", "1e9", "x"])
+def test_a_gamma_that_makes_no_sense_counts_as_missing(tmp_path: Path, value: str) -> None:
+    path = write_radiance(tmp_path / "a.hdr", light(), header=f"GAMMA={value}\n")
+    np.testing.assert_allclose(read_hdr(path), light(), rtol=0.02, atol=0.02)
+
+
 def test_primaries_of_a_hdr_are_converted(tmp_path: Path) -> None:
     wide = light() @ np.linalg.inv(bt709_from_primaries(BT2020)).T.astype(np.float32)
     header = f"PRIMARIES= {' '.join(map(str, BT2020))}\n"

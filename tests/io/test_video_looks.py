@@ -267,3 +267,26 @@ def test_hlg_of_the_container_alone(cases: Path) -> None:
     assert facts(path).transfer == "HLG"
     (note,) = next(frames(path)).notes
     assert "HLG" in note
+
+
+@pytest.mark.parametrize(
+    ("codec", "layout"), [("qtrle", "argb"), ("prores_ks", "yuva444p10le"), ("png", "rgba")]
+)
+@pytest.mark.parametrize("alpha", [255, 0, 128])
+def test_what_a_film_lets_through_is_mid_grey(
+    tmp_path: Path, codec: str, layout: str, alpha: int
+) -> None:
+    picture = np.dstack([scene(), np.full((HEIGHT, WIDTH), 255, np.uint8)])
+    picture[:, : WIDTH // 2, 3] = alpha
+    path = tmp_path / "a.mov"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=30)
+        stream.height, stream.width, stream.pix_fmt = HEIGHT, WIDTH, layout
+        frame = av.VideoFrame.from_ndarray(picture, format="rgba")
+        container.mux(stream.encode(frame.reformat(format=layout, dst_colorspace=1)))
+        container.mux(stream.encode())
+    shown = next(iter(frames(path))).pixels.astype(float)
+    wanted = picture[..., :3].astype(float)
+    wanted[:, : WIDTH // 2] += (118 - wanted[:, : WIDTH // 2]) * (1 - alpha / 255)
+    quarters = [np.s_[4:20, 4:28], np.s_[4:20, 36:60], np.s_[28:44, 4:28], np.s_[28:44, 36:60]]
+    assert max(np.abs(shown[q].mean((0, 1)) - wanted[q].mean((0, 1))).max() for q in quarters) < 6

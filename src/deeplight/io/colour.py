@@ -21,6 +21,8 @@ from deeplight.camera_response import encode
 HLG_WHITE = 0.75  # signal of reference white, BT.2408
 PQ_WHITE_NITS = 203.0
 SIGNAL_MAX = 65535  # signals are 16-bit
+MID_GREY = 118
+"""sRGB of an 18 % reflector: what a metered camera makes of an unknown scene."""
 
 _A = 0.17883277  # BT.2100, table 5
 _B, _C = 1 - 4 * _A, 0.5 - _A * float(np.log(4 * _A))
@@ -289,3 +291,19 @@ def _hlg_table() -> UInt16[np.ndarray, "n"]:
     root = np.linspace(0, 1, 1 << 14)
     signal = hlg_from_radiance(root**2 * _HLG_PEAK)
     return np.round(signal * SIGNAL_MAX).astype(np.uint16)
+
+
+def over_grey(
+    encoded: UInt8[np.ndarray, "*pixels"], cover: UInt8[np.ndarray, "..."], straight: bool = True
+) -> UInt8[np.ndarray, "*pixels"]:
+    """Lay encoded colours over mid-grey: what is seen through is as unknown as can be.
+
+    Args:
+        encoded: gamma-encoded.
+        cover: alpha, 255 where nothing shines through.
+        straight: colours are not multiplied by alpha yet.
+    """
+    share = cover.astype(np.uint32)
+    colour = encoded * (share if straight else np.uint32(255))
+    mixed = (colour + MID_GREY * (255 - share) + 127) // 255
+    return np.minimum(mixed, 255).astype(np.uint8)

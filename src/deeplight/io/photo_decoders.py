@@ -16,7 +16,7 @@ from PIL import Image, UnidentifiedImageError
 
 from deeplight.camera_response import encode
 from deeplight.errors import ImageFileError, MissingExtraError
-from deeplight.io.colour import eight_bit, pixel_table
+from deeplight.io.colour import eight_bit, over_grey, pixel_table
 from deeplight.io.colour_profile import LookUpProfile, cie_lab
 from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow
 from deeplight.io.heif_boxes import HeifHeader, read_header
@@ -44,9 +44,6 @@ logging.getLogger("PIL").addHandler(logging.NullHandler())
 MAX_PHOTO_PIXELS = 100_000_000
 MIN_SIDE = 32
 """Shortest side in pixels of a photo; less shows no scene to estimate light from."""
-
-MID_GREY = 118
-"""sRGB of an 18 % reflector: what a metered camera makes of an unknown scene."""
 
 PNG_START = b"\x89PNG"
 JPEG_START = b"\xff\xd8\xff"
@@ -249,10 +246,7 @@ def _as_rgb(
     cover = eight_bit(values[..., alpha])
     if cover.min() == 255:
         return np.ascontiguousarray(rgb), False
-    share = cover[..., None].astype(np.uint32)
-    colour = rgb * share if straight else rgb * np.uint32(255)
-    mixed = (colour + MID_GREY * (255 - share) + 127) // 255
-    return np.minimum(mixed, 255).astype(np.uint8), True
+    return over_grey(rgb, cover[..., None], straight), True
 
 
 def _sixteen_bit(picture: Image.Image) -> Shaped[np.ndarray, "height width 1"]:

@@ -50,9 +50,9 @@ def read_hdr(path: Path | str, layer: str | None = None) -> Float32[np.ndarray, 
     """Read linear radiance upright, in the file's own units and sRGB's primaries.
 
     Every EXR compression and pixel type, Radiance .hdr and floating-point TIFF. What the file says
-    is obeyed: orientation and all eight resolution lines, EXPOSURE and COLORCORR, PRIMARIES and
-    chromaticities (white stays white), the display window (the data window is cropped to it, and
-    black where it does not reach). Of several layers or parts `radiance_layers` chooses, or asks.
+    is obeyed: orientation and all eight resolution lines, EXPOSURE, COLORCORR and GAMMA, PRIMARIES
+    and chromaticities (white stays white), the display window (the data window is cropped to it,
+    and black where it does not reach). Of several layers `radiance_layers` chooses, or asks.
     A grey file gives three equal channels; alpha and other channels are left out.
 
     Negative values are kept: published panoramas carry negative ringing next to the sun, and it
@@ -161,6 +161,8 @@ def _in_srgb(
         header = read_radiance_header(path)
         known = CIE_XYZ if header.is_xyz else header.primaries
         matrix = _matrix(known) / np.array(header.gain)
+        if header.gamma != 1:
+            radiance = np.maximum(radiance, 0) ** np.float32(header.gamma)
     elif file.format_name() == "openexr":
         known = file.spec().getattribute("chromaticities")
         matrix = _matrix(tuple(known) if known is not None else _named_space(file.spec()))

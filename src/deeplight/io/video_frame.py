@@ -10,7 +10,14 @@ import numpy as np
 from jaxtyping import UInt8, UInt16
 
 from deeplight.camera_response import LUMINANCE
-from deeplight.io.colour import HDR_TRANSFERS, SIGNAL_MAX, ColourSpace, from_cicp, sdr_luma
+from deeplight.io.colour import (
+    HDR_TRANSFERS,
+    SIGNAL_MAX,
+    ColourSpace,
+    from_cicp,
+    over_grey,
+    sdr_luma,
+)
 from deeplight.io.exif import upright
 
 if TYPE_CHECKING:
@@ -192,10 +199,15 @@ class Picture:
         convert = _converter(get_ident()).reformat
         if space is not None:
             signal = convert(frame, format="rgb48le", **source).to_ndarray()
-            return tuple(np.moveaxis(space.pixels(signal), -1, 0))
-        # In planes FFmpeg's exact way takes less than half of what it takes for packed RGB.
-        planar = convert(frame, format="gbrp", interpolation=_EXACT, **source)
-        return tuple(_samples(planar, plane, np.uint8) for plane in (2, 0, 1))
+            channels = tuple(np.moveaxis(space.pixels(signal), -1, 0))
+        else:
+            # In planes FFmpeg's exact way takes less than half of what it takes for packed RGB.
+            planar = convert(frame, format="gbrp", interpolation=_EXACT, **source)
+            channels = tuple(_samples(planar, plane, np.uint8) for plane in (2, 0, 1))
+        if not _has_alpha(frame.format):
+            return channels
+        cover = _samples(convert(frame, format="gbrap", **source), 3, np.uint8)
+        return tuple(over_grey(channel, cover) for channel in channels)
 
 
 def _said(by_frame: int, by_container: int) -> int:
@@ -227,6 +239,10 @@ def _orientation(frame: "av.VideoFrame") -> int:
         a = d = 0.0
     key = tuple(int(np.sign(value)) for value in (a, b, c, d))
     return _ORIENTATIONS.get(key, 1)  # type: ignore[arg-type]
+
+
+def _has_alpha(layout: "av.VideoFormat") -> bool:
+    return any(component.is_alpha for component in layout.components)
 
 
 def _samples(frame: "av.VideoFrame", plane: int, kind: Any) -> np.ndarray:

@@ -1,0 +1,110 @@
+"""Faces of four corners and more, cut so that no triangle reaches out of its polygon.
+
+trimesh fans every polygon out from its first corner, which is wrong where the polygon is not seen
+whole from there: a letter, a floor plan, the side of a staircase.
+"""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+FLAT = 1e-9  # share of a polygon's area by which rounding may turn a triangle over
+
+Faces = Sequence[Sequence[int]] | Int[np.ndarray, "faces corners"]
+"""The numbers of each face's vertices."""
+
+_FACE = re.compile(rb"^f((?: +\S+){4,})[ \r]*$", re.MULTILINE)
+_VERTEX = re.compile(rb"^v +(\S+ +\S+ +\S+)", re.MULTILINE)
+_ZERO = re.compile(rb"^f +(?:\S+ +)*0(?=[/ \r\n]|\Z)[^\r\n]*", re.MULTILINE)
+
+
+def fans_out(polygons: Float[np.ndarray, "m n 3"]) -> Bool[np.ndarray, "m"]:
+    """Whether the fan from a polygon's first corner covers it and nothing else.
+
+    So it does if all triangles of the fan turn the way that the polygon as a whole does.
+    """
+    spokes = polygons[:, 1:] - polygons[:, :1]
+    turns = np.cross(spokes[:, :-1], spokes[:, 1:])
+    whole = turns.sum(1)
+    along = np.einsum("mtc,mc->mt", turns, whole)
+    return np.all(along >= -FLAT * (whole**2).sum(-1, keepdims=True), axis=1)
+
+
+def ears(polygon: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 3"]:
+    """Cut a polygon of any shape into triangles that turn the way it does.
+
+    Returns:
+        Numbers of corners; the polygon is looked at along the axis nearest to its normal.
+    """
+    from mapbox_earcut import triangulate_float64
+
+    spokes = polygon[1:] - polygon[0]
+    normal = np.cross(spokes[:-1], spokes[1:]).sum(0)
+    axis = int(np.abs(normal).argmax())
+    plane = np.delete(np.roll(polygon, -axis, 1), 0, 1)  # the next two axes, right-handed
+    if normal[axis] < 0:
+        plane = plane[:, ::-1]
+    found = triangulate_float64(np.ascontiguousarray(plane), np.array([len(plane)], np.uint32))
+    triangles: Int[np.ndarray, "m 3"] = found.astype(int).reshape(-1, 3)
+    return triangles
+
+
+def triangles_of(places: Float[np.ndarray, "n 3"], faces: Faces) -> Int[np.ndarray, "m 3"]:
+    """Cut faces of three corners and more, given by the numbers of their vertices."""
+    cut = [np.zeros((0, 3), int)]
+    for count in sorted({len(face) for face in faces} - {0, 1, 2}):
+        corners = np.array([face for face in faces if len(face) == count], int)
+        plain = fans_out(places[corners])
+        step = np.arange(1, count - 1)
+        cut.append(corners[plain][:, np.stack([0 * step, step, step + 1], -1)].reshape(-1, 3))
+        cut += [face[ears(places[face])] for face in corners[~plain]]
+    return np.concatenate(cut)
+
+
+def cut_obj(text: bytes) -> bytes:
+    """Give an .obj whose polygons trimesh's fan is right for.
+
+    Raises:
+        ValueError: a face names vertex 0; they are counted from 1, or back from -1.
+    """
+    if zero := _ZERO.search(text):
+        line = zero[0].strip().decode(errors="replace")[:60]
+        raise ValueError(f'a face names vertex 0, where they count from 1: "{line}"')
+    faces = list(_FACE.finditer(text))
+    if not faces:
+        return text
+    found = list(_VERTEX.finditer(text))
+    places = _numbers(b" ".join(vertex[1] for vertex in found), float).reshape(-1, 3)
+    starts = np.array([vertex.start() for vertex in found])
+    counts = np.array([len(face[1].split()) for face in faces])
+    cut: dict[int, bytes] = {}
+    for count in np.unique(counts):
+        alike = np.flatnonzero(counts == count)
+        corners = _numbers(b" ".join(faces[at][1] for at in alike), int).reshape(-1, count)
+        seen = np.searchsorted(starts, [faces[at].start() for at in alike])
+        polygons = places[np.where(corners < 0, corners + seen[:, None], corners - 1)]
+        for at in np.flatnonzero(~fans_out(polygons)):
+            cut[alike[at]] = _lines(faces[alike[at]][1].split(), polygons[at])
+    return _replaced(text, [(faces[at].span(), cut[at]) for at in sorted(cut)])
+
+
+def _numbers(text: bytes, kind: type) -> np.ndarray:
+    """Read numbers, of "3/1/2" the first; as far as they are numbers."""
+    plain = re.sub(rb"/\S*", b"", text) if kind is int else text
+    return np.fromstring(plain, kind, sep=" ")
+
+
+def _lines(corners: list[bytes], polygon: Float[np.ndarray, "n 3"]) -> bytes:
+    return b"\n".join(
+        b"f " + b" ".join(corners[corner] for corner in triangle) for triangle in ears(polygon)
+    )
+
+
+def _replaced(text: bytes, parts: list[tuple[tuple[int, int], bytes]]) -> bytes:
+    pieces, at = [], 0
+    for (start, end), new in parts:
+        pieces += [text[at:start], new]
+        at = end
+    return b"".join([*pieces, text[at:]])
