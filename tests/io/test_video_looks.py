@@ -285,7 +285,9 @@ def test_what_a_film_lets_through_is_mid_grey(
         frame = av.VideoFrame.from_ndarray(picture, format="rgba")
         container.mux(stream.encode(frame.reformat(format=layout, dst_colorspace=1)))
         container.mux(stream.encode())
-    shown = next(iter(frames(path))).pixels.astype(float)
+    still = next(iter(frames(path)))
+    assert still.notes == ("transparent parts taken as mid-grey",)
+    shown = still.pixels.astype(float)
     wanted = picture[..., :3].astype(float)
     wanted[:, : WIDTH // 2] += (118 - wanted[:, : WIDTH // 2]) * (1 - alpha / 255)
     quarters = [np.s_[4:20, 4:28], np.s_[4:20, 36:60], np.s_[28:44, 4:28], np.s_[28:44, 36:60]]

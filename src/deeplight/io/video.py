@@ -88,11 +88,11 @@ class VideoFrame:
     @property
     def notes(self) -> tuple[str, ...]:
         """What had to be decided about its colours, one short line each."""
-        look = self._picture.look
+        look, space = self._picture.look, self._picture.look.colour_space
+        notes = ("transparent parts taken as mid-grey",) if self._picture.has_alpha else ()
         if look.hdr:
-            return (f"{look.hdr} video, brought to SDR: reference white is 1.0",)
-        space = look.colour_space
-        return (f"{space.name} video, converted to sRGB",) if space else ()
+            return (*notes, f"{look.hdr} video, brought to SDR: reference white is 1.0")
+        return (*notes, f"{space.name} video, converted to sRGB") if space else notes
 
 
 @dataclass(frozen=True)

@@ -152,6 +152,11 @@ class Picture:
         """How this frame is to be shown."""
         return self.stream.with_frame(self.frame)
 
+    @property
+    def has_alpha(self) -> bool:
+        """Parts of the frame may be transparent."""
+        return any(component.is_alpha for component in self.frame.format.components)
+
     def channels(self) -> tuple[UInt8[np.ndarray, "height width"], ...]:
         """Red, green and blue, upright, gamma-encoded sRGB."""
         return tuple(self.look.upright(channel) for channel in self._stored_channels())
@@ -204,7 +209,7 @@ class Picture:
             # In planes FFmpeg's exact way takes less than half of what it takes for packed RGB.
             planar = convert(frame, format="gbrp", interpolation=_EXACT, **source)
             channels = tuple(_samples(planar, plane, np.uint8) for plane in (2, 0, 1))
-        if not _has_alpha(frame.format):
+        if not self.has_alpha:
             return channels
         cover = _samples(convert(frame, format="gbrap", **source), 3, np.uint8)
         return tuple(over_grey(channel, cover) for channel in channels)
@@ -239,10 +244,6 @@ def _orientation(frame: "av.VideoFrame") -> int:
         a = d = 0.0
     key = tuple(int(np.sign(value)) for value in (a, b, c, d))
     return _ORIENTATIONS.get(key, 1)  # type: ignore[arg-type]
-
-
-def _has_alpha(layout: "av.VideoFormat") -> bool:
-    return any(component.is_alpha for component in layout.components)
 
 
 def _samples(frame: "av.VideoFrame", plane: int, kind: Any) -> np.ndarray:
