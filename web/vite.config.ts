@@ -3,6 +3,7 @@ import { defaultClientConditions } from "vite";
 import { defineConfig } from "vitest/config";
 import { contentPolicy } from "./build/policy.ts";
 import { precache } from "./build/precache.ts";
+import { sceneObjects } from "./build/scene-objects.ts";
 import { shippedModel } from "./build/shipped-model.ts";
 
 const here = (path: string) => fileURLToPath(new URL(path, import.meta.url));
@@ -12,7 +13,8 @@ export default defineConfig({
   plugins: [
     contentPolicy(here("../src/deeplight/demo/policy.txt")),
     shippedModel(here("../src/deeplight/weights/deeplight.onnx")),
-    precache("service-worker.js"),
+    sceneObjects(here("public/objects"), here("packages/deeplight/src/core.ts")),
+    precache("service-worker.js", /^objects\/.*\.(bin|gltf)$/),
   ],
   // The library as it is written, not as it is published: one build makes both.
   resolve: { conditions: ["deeplight-source", ...defaultClientConditions] },

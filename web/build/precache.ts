@@ -6,7 +6,8 @@ import type { Plugin } from "vite";
 
 const PLACE = "__FILES__";
 
-export function precache(worker: string): Plugin {
+/** @param others are fetched by other programs, never by the page. */
+export function precache(worker: string, others: RegExp): Plugin {
   let folder = "";
   return {
     name: "precache",
@@ -19,7 +20,7 @@ export function precache(worker: string): Plugin {
       const file = join(folder, worker);
       const code = await readFile(file, "utf8");
       if (!code.includes(PLACE)) this.error(`${worker} has no place for the list of files`);
-      const files = await listed(folder, worker);
+      const files = (await listed(folder, worker)).filter(([name]) => !others.test(name));
       await writeFile(file, code.replace(PLACE, JSON.stringify(files)));
     },
   };

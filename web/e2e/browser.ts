@@ -50,6 +50,7 @@ export interface How {
   readonly keeps?: boolean;
   /** Never gets the model: quicker, where no light is needed. */
   readonly withoutModel?: boolean;
+  readonly userAgent?: string;
   /** Runs before the page's own scripts. */
   readonly before?: (page: Page) => Promise<unknown>;
 }
@@ -62,6 +63,7 @@ export async function visit(browser: Browser, url: string, how: How = {}): Promi
     reducedMotion: how.reducedMotion ? "reduce" : "no-preference",
     forcedColors: how.forcedColours ? "active" : "none",
     acceptDownloads: true,
+    ...(how.userAgent ? { userAgent: how.userAgent } : {}),
     serviceWorkers: how.keeps ? "allow" : "block",
   });
   const page = await context.newPage();

@@ -66,7 +66,8 @@ test("estimates frame after frame; a frozen one keeps the picture and the light 
     [0.95, 0.5],
   ] as const) {
     const around = [x - 0.04, y - 0.04, x + 0.04, y + 0.04] as const; // not mirrored, not turned
-    expect(picture.mean(...around, 1)).toBeCloseTo(film.mean(...around, 1), 0);
+    const off = picture.mean(...around, 1) - film.mean(...around, 1);
+    expect(Math.abs(off)).toBeLessThan(1); // of 255: one is a JPEG
   }
   await page.click("#freeze");
   await expect.poll(() => isFilming(page)).toBe(true);

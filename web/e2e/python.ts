@@ -28,6 +28,7 @@ export function serve(): Promise<Site> {
     });
   return new Promise((ready, failed) => {
     let said = "";
+    server.once("error", failed); // there is no such program
     server.once("exit", (code) => failed(new Error(`deeplight demo ended with ${code}: ${said}`)));
     server.stderr.on("data", (chunk: Buffer) => {
       said += chunk;

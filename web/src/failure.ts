@@ -11,6 +11,7 @@ export type FailureKind =
   | "motion-denied"
   | "no-motion"
   | "no-room"
+  | "no-scene-viewer"
   | "no-webgl"
   | "graphics-lost"
   | "photo-unreadable"

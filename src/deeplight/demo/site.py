@@ -22,6 +22,7 @@ TYPES = {
     ".bin": "application/octet-stream",
     ".css": "text/css; charset=utf-8",
     ".glb": "model/gltf-binary",
+    ".gltf": "model/gltf+json",
     ".html": "text/html; charset=utf-8",
     ".ico": "image/x-icon",
     ".jpg": "image/jpeg",

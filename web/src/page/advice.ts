@@ -88,6 +88,12 @@ const ADVICE: Record<FailureKind, Advice> = {
       "Augmented reality was refused or is not there: on Android it needs Google Play Services for AR and the camera. The plain camera works too.",
     remedies: ["camera", "close"],
   },
+  "no-scene-viewer": {
+    title: "Scene Viewer cannot fetch this object",
+    sentence:
+      "It is another app and fetches the file itself, from a public https address: it takes only the page’s own objects, and only where the page has such an address.",
+    remedies: ["close"],
+  },
   "no-webgl": {
     title: "No 3D graphics",
     sentence:

@@ -123,7 +123,7 @@ export class Desk {
     button("switch-camera").hidden = !view.offersOtherCamera;
     button("motion").hidden = !view.offersMotion;
     press("motion", app.sensor.isOn);
-    for (const id of ["save-picture", "save-hdr", "save-json", "save-panorama"]) {
+    for (const id of ["save-picture", "save-hdr", "save-json", "save-panorama", "hand-over"]) {
       button(id).disabled = !view.savesLight;
     }
     button("record").hidden = !view.savesVideo && !this.recorder;

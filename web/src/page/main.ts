@@ -5,6 +5,7 @@ import { App } from "./app.ts";
 import { Desk, followMotion } from "./desk.ts";
 import { box, button, input } from "./elements.ts";
 import { EXAMPLES } from "./examples.ts";
+import { offerViewer } from "./hand-over.ts";
 import { connectIntake } from "./intake.ts";
 import { ModelLoader } from "./model-loader.ts";
 import { Notice, offerUpdate } from "./notice.ts";
@@ -38,7 +39,7 @@ function start(): void {
     model: (file) => void desk.openModel(file),
     session: (file) => void app.openSession(file),
   });
-  void offerRoom(app);
+  void offerRoom(app, notice);
   showExamples(app);
   void desk.choose();
   // Starting the graphics blocks the page, so it happens when there is time, or when a picture is to be shown.
@@ -52,9 +53,12 @@ function start(): void {
     });
 }
 
-/** Where the browser can put the object into the real room. */
-async function offerRoom(app: App): Promise<void> {
-  if (!(await navigator.xr?.isSessionSupported("immersive-ar").catch(() => false))) return;
+/** Where the browser can put the object into the real room, or another app of the phone. */
+async function offerRoom(app: App, notice: Notice): Promise<void> {
+  const asked = navigator.xr?.isSessionSupported("immersive-ar").catch(() => false);
+  const hasRoom = (await asked) ?? false;
+  offerViewer(app, notice, hasRoom);
+  if (!hasRoom) return;
   await import("./room-view.ts"); // before the tap, which does not wait for long
   button("open-room").addEventListener("click", () => void app.openRoom());
   button("open-room").hidden = false;

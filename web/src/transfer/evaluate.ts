@@ -31,6 +31,17 @@ export function sentBy(
   return [Math.max(sum[0], 0), Math.max(sum[1], 0), Math.max(sum[2], 0)];
 }
 
+/** RGB that leaves each vertex per unit of reflectivity in a light of any order. */
+export function sentByAll({ diffuse, order }: Transfer, harmonics: Float32Array): Float32Array {
+  const coefficients = (order + 1) ** 2;
+  const light = fitting(harmonics, coefficients);
+  const sent = new Float32Array((3 * diffuse.length) / coefficients);
+  for (let vertex = 0; vertex < sent.length / 3; vertex++) {
+    sent.set(sentBy(diffuse, vertex, light), 3 * vertex);
+  }
+  return sent;
+}
+
 /** Light at each ground point with the object there over that without; RGB of each point. */
 export function shadowRatios(
   ground: GroundTransfer,

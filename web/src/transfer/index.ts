@@ -1,4 +1,5 @@
 /** Objects shaded by precomputed radiance transfer: read a file, make what three.js draws, light it. */
+export { sentByAll } from "./evaluate.ts";
 export {
   type GlossyTransfer,
   type GroundTransfer,

@@ -1,17 +1,18 @@
 /** The built-in objects: diffuse and silver by precomputed transfer, mirror and gloss by the light's ball. */
 
 import { IDENTITY, LIGHTING_SIZE, Light, Lighting, type Matrix3x3, product } from "deeplight/core";
-import { Group, Mesh } from "three";
+import { Group, Matrix4, Mesh } from "three";
 import { Failure } from "../failure.ts";
 import {
   makeTransferObject,
   parseTransfer,
+  sentByAll,
   type Transfer,
   TransferError,
   type TransferObject,
 } from "../transfer/index.ts";
 import { BallLight } from "./ball-light.ts";
-import type { Exhibit } from "./exhibit.ts";
+import type { Exhibit, Part } from "./exhibit.ts";
 import { FloorShadow } from "./floor-shadow.ts";
 import { type MaterialName, standardMaterial } from "./material.ts";
 
@@ -67,6 +68,19 @@ export class BuiltIn implements Exhibit {
     this.ballLight.set(light, worldFromCamera);
     this.shadow.setLight(light, objectFromCamera);
     this.light();
+  }
+
+  parts(): readonly Part[] {
+    const { transfer, material } = this;
+    const light = this.harmonics ?? new Float32Array();
+    return [
+      {
+        geometry: this.made.get("diffuse")!.geometry,
+        matrix: new Matrix4(),
+        material: standardMaterial(material),
+        sent: sentByAll(transfer, light),
+      },
+    ];
   }
 
   dispose(): void {

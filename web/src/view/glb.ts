@@ -1,12 +1,16 @@
 /** The user's own object: a .glb file, read here and nowhere else. */
 
-import { type Light, type Matrix3x3, product } from "deeplight/core";
+import { irradiance, type Light, type Matrix3x3, product } from "deeplight/core";
 import {
   Box3,
+  type BufferGeometry,
   Group,
   LoadingManager,
   type Material,
+  Matrix3,
+  type Matrix4,
   Mesh,
+  type MeshBasicMaterial,
   MeshStandardMaterial,
   type Object3D,
   type Texture,
@@ -15,7 +19,7 @@ import {
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { Failure } from "../failure.ts";
 import { BallLight } from "./ball-light.ts";
-import type { Exhibit } from "./exhibit.ts";
+import type { Exhibit, Part } from "./exhibit.ts";
 import { FloorShadow } from "./floor-shadow.ts";
 import { MATERIALS, type MaterialName, standardMaterial } from "./material.ts";
 import { unpackedBy } from "./packed.ts";
@@ -29,13 +33,15 @@ export class OwnObject implements Exhibit {
   material: MaterialName = "file";
   private readonly light = new BallLight();
   private readonly shadow: FloorShadow;
+  /** Of the light of now, in the object's own frame. */
+  private harmonics: () => Float32Array = () => new Float32Array(27);
   /** Each part with the material that it came with. */
-  private readonly parts = new Map<Mesh, Material | Material[]>();
+  private readonly materialOf = new Map<Mesh, Material | Material[]>();
 
   private constructor(model: Object3D, triangles: number) {
     standing(model);
     for (const mesh of meshesOf(model)) {
-      this.parts.set(mesh, mesh.material);
+      this.materialOf.set(mesh, mesh.material);
       for (const material of [mesh.material].flat()) {
         if (material instanceof MeshStandardMaterial) this.light.lights(material);
       }
@@ -60,12 +66,29 @@ export class OwnObject implements Exhibit {
   setMaterial(name: MaterialName): void {
     this.material = name;
     const one = name === "file" ? null : this.made(name);
-    for (const [mesh, own] of this.parts) mesh.material = one ?? own;
+    for (const [mesh, own] of this.materialOf) mesh.material = one ?? own;
   }
 
   setLight(light: Light, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
+    const objectFromCamera = product(objectFromWorld, worldFromCamera);
     this.light.set(light, worldFromCamera);
-    this.shadow.setLight(light, product(objectFromWorld, worldFromCamera));
+    this.shadow.setLight(light, objectFromCamera);
+    this.harmonics = () => light.lighting.turned(objectFromCamera).harmonics(2);
+  }
+
+  parts(): readonly Part[] {
+    const harmonics = this.harmonics();
+    const { material: name } = this;
+    const one = name === "file" ? null : standardMaterial(name);
+    this.object.updateMatrixWorld(true);
+    const objectFromWorld = this.object.matrixWorld.clone().invert();
+    return [...this.materialOf].map(([mesh, own]) => {
+      const { geometry } = mesh;
+      if (!geometry.attributes.normal) geometry.computeVertexNormals();
+      const matrix = objectFromWorld.clone().multiply(mesh.matrixWorld);
+      const material = one ?? standardOf([own].flat()[0]!);
+      return { geometry, matrix, material, sent: sentByAll(geometry, matrix, harmonics) };
+    });
   }
 
   private made(name: Exclude<MaterialName, "file">): Material {
@@ -75,7 +98,7 @@ export class OwnObject implements Exhibit {
   dispose(): void {
     this.shadow.dispose();
     this.light.dispose();
-    for (const [mesh, own] of this.parts) {
+    for (const [mesh, own] of this.materialOf) {
       mesh.geometry.dispose();
       for (const material of [own].flat()) forget(material);
     }
@@ -120,6 +143,30 @@ function meshesOf(model: Object3D): Mesh[] {
     if (part instanceof Mesh) found.push(part);
   });
   return found;
+}
+
+/** RGB that leaves each vertex per unit of albedo, as three.js lights by harmonics: nothing is in its own shadow. */
+function sentByAll({ attributes }: BufferGeometry, matrix: Matrix4, harmonics: Float32Array) {
+  const normals = attributes.normal!;
+  const turn = new Matrix3().getNormalMatrix(matrix);
+  const sent = new Float32Array(3 * normals.count);
+  const normal = new Vector3();
+  for (let vertex = 0; vertex < normals.count; vertex++) {
+    normal.fromBufferAttribute(normals, vertex).applyMatrix3(turn).normalize();
+    const rgb = irradiance(harmonics, normal.toArray());
+    sent.set(
+      rgb.map((value) => Math.max(value / Math.PI, 0)),
+      3 * vertex,
+    );
+  }
+  return sent;
+}
+
+/** A material for programs that know no others; one that is not lit emits its colour. */
+function standardOf(own: Material): MeshStandardMaterial {
+  if (own instanceof MeshStandardMaterial) return own;
+  const { color, map } = own as MeshBasicMaterial;
+  return new MeshStandardMaterial({ color: 0, emissive: color, emissiveMap: map, roughness: 1 });
 }
 
 function forget(material: Material): void {

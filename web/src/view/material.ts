@@ -11,9 +11,11 @@ const SILVER_ROUGHNESS = Math.sqrt(0.3);
 const COAT_ROUGHNESS = Math.sqrt(0.08);
 const COAT_COLOUR = 0.55;
 
-/** A material of three.js for `BallLight` to light. */
-export function standardMaterial(name: Exclude<MaterialName, "file" | "mirror">): Material {
+/** A material of three.js, for `BallLight` or another program to light. */
+export function standardMaterial(name: Exclude<MaterialName, "file">): Material {
   switch (name) {
+    case "mirror":
+      return made(REFLECTIVITY.mirror, { roughness: 0, metalness: 1 });
     case "diffuse":
       // Without this three.js would add 4 % of gloss.
       return made(REFLECTIVITY.diffuse, { roughness: 1, metalness: 0, specularIntensity: 0 });

@@ -1,6 +1,6 @@
 /** The objects to choose from, and the one that stands in the picture. */
 import { BuiltIn, type BuiltInFacts, builtIns } from "./built-in.ts";
-import type { Exhibit } from "./exhibit.ts";
+import type { Exhibit, Part } from "./exhibit.ts";
 import { MATERIALS, type MaterialName } from "./material.ts";
 import type { Stage } from "./stage.ts";
 
@@ -32,6 +32,16 @@ export class Showroom {
 
   get material(): MaterialName | null {
     return this.made.get(this.chosen)?.material ?? null;
+  }
+
+  /** The object in its material and light of now; none before there is one. */
+  get parts(): readonly Part[] {
+    return this.made.get(this.chosen)?.parts() ?? [];
+  }
+
+  /** What is chosen has a file of its own on this page's host. */
+  get isBuiltIn(): boolean {
+    return this.facts.some(({ name }) => name === this.chosen);
   }
 
   /** Without a name the first one. @throws Failure `object-missing`. */

@@ -10,7 +10,13 @@ export type { Frame } from "./estimate/picker.ts";
 export type { Tracked } from "./estimate/tracker.ts";
 export { pixelFromRadiance, radianceFromPixel } from "./light/camera-response.ts";
 export { type Environment, resized, seenShare } from "./light/environment.ts";
-export { basis, cosineKernel, irradianceCoefficients, norm } from "./light/harmonics.ts";
+export {
+  basis,
+  cosineKernel,
+  irradiance,
+  irradianceCoefficients,
+  norm,
+} from "./light/harmonics.ts";
 export type { Lamp } from "./light/lamp.ts";
 export { Lighting } from "./light/lighting.ts";
 export type { MainLight } from "./light/main-light.ts";
