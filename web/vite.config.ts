@@ -1,6 +1,7 @@
 import { fileURLToPath } from "node:url";
 import { defaultClientConditions } from "vite";
 import { defineConfig } from "vitest/config";
+import { basisWithoutEval } from "./build/basis.ts";
 import { contentPolicy } from "./build/policy.ts";
 import { precache } from "./build/precache.ts";
 import { sceneObjects } from "./build/scene-objects.ts";
@@ -11,6 +12,7 @@ const here = (path: string) => fileURLToPath(new URL(path, import.meta.url));
 export default defineConfig({
   base: "./", // the built page works in any folder of any host
   plugins: [
+    basisWithoutEval(),
     contentPolicy(here("../src/deeplight/demo/policy.txt")),
     shippedModel(here("../src/deeplight/weights/deeplight.onnx")),
     sceneObjects(here("public/objects"), here("packages/deeplight/src/core.ts")),
@@ -19,7 +21,7 @@ export default defineConfig({
   // The library as it is written, not as it is published: one build makes both.
   resolve: { conditions: ["deeplight-source", ...defaultClientConditions] },
   ssr: { resolve: { conditions: ["deeplight-source"] }, noExternal: ["deeplight"] },
-  worker: { format: "es" },
+  worker: { format: "es", plugins: () => [basisWithoutEval()] },
   build: {
     outDir: here("../src/deeplight/demo/site"),
     emptyOutDir: true,

@@ -10,7 +10,7 @@ const MB = 1e6;
 const WITH_BROTLI = process.argv.includes("--brotli");
 
 /** Fetched only for the user's own object, and where there is a room or another app to put one into. */
-const LATER = /^(draco|meshopt|glb|room-view|usdz)/;
+const LATER = /^(asked-worker|draco|ktx2|meshopt|glb|room-view|usdz)/;
 
 /** Files to sum up, and the most that they may have gzipped. */
 const SUMS = [

@@ -123,7 +123,7 @@ const ADVICE: Record<FailureKind, Advice> = {
   "glb-packed": {
     title: "This object’s textures cannot be read",
     sentence:
-      "They are packed as KTX2. Export it with JPEG, PNG or WebP textures; Draco and meshopt are fine.",
+      "Their KTX2 packing is damaged, or of a kind that glTF does not allow. Export the object again, or with JPEG, PNG or WebP textures.",
     remedies: ["model-file", "close"],
   },
   "glb-too-large": {

@@ -22,7 +22,7 @@ import { BallLight } from "./ball-light.ts";
 import type { Exhibit, Part } from "./exhibit.ts";
 import { FloorShadow } from "./floor-shadow.ts";
 import { MATERIALS, type MaterialName, standardMaterial } from "./material.ts";
-import { unpackedBy } from "./packed.ts";
+import { unpackersOf } from "./packed.ts";
 
 const MOST_BYTES = 100e6;
 const MOST_TRIANGLES = 2e6;
@@ -113,15 +113,16 @@ async function parsed(file: ArrayBuffer): Promise<Object3D> {
     throw new Failure("glb-broken", `the file refers to ${url}`);
   });
   const loader = new GLTFLoader(manager);
-  const done = await unpackedBy(loader, file);
+  const unpackers = await unpackersOf(loader, file);
   try {
     const { scene } = await loader.parseAsync(file, "");
+    if (unpackers.problem) throw new Failure("glb-packed", String(unpackers.problem));
     return scene;
   } catch (error) {
     if (error instanceof Failure) throw error;
     throw new Failure("glb-broken", String(error));
   } finally {
-    done();
+    unpackers.dispose();
   }
 }
 

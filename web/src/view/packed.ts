@@ -1,6 +1,5 @@
 /** Which ways of packing a .glb uses, and what unpacks them: fetched only when a file needs it. */
 import type { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
-import { Failure } from "../failure.ts";
 
 const JSON_CHUNK = 0x4e4f534a;
 const DRACO = "KHR_draco_mesh_compression";
@@ -22,22 +21,37 @@ export function extensionsOf(file: ArrayBuffer): readonly string[] {
   }
 }
 
-/**
- * Gives a loader what it needs to unpack a file; the result is to be called when it has been read.
- *
- * @throws Failure `glb-packed` for KTX2 textures: their decoder makes code of text, which the page's
- * content policy forbids.
- */
-export async function unpackedBy(loader: GLTFLoader, file: ArrayBuffer): Promise<() => void> {
+/** What unpacks a file; to be disposed of when it has been read. */
+export interface Unpackers {
+  /** What could not be unpacked and was left out. */
+  readonly problem: Error | null;
+  dispose(): void;
+}
+
+/** Gives a loader what it needs to unpack a file. */
+export async function unpackersOf(loader: GLTFLoader, file: ArrayBuffer): Promise<Unpackers> {
   const extensions = extensionsOf(file);
-  if (extensions.includes(KTX2)) throw new Failure("glb-packed", KTX2);
   if (MESHOPT.some((name) => extensions.includes(name))) {
     const { MeshoptDecoder } = await import("three/addons/libs/meshopt_decoder.module.js");
     loader.setMeshoptDecoder(MeshoptDecoder);
   }
-  if (!extensions.includes(DRACO)) return () => {};
-  const { DracoUnpacker } = await import("./draco.ts");
-  const unpacker = new DracoUnpacker();
-  loader.setDRACOLoader(unpacker as unknown as Parameters<GLTFLoader["setDRACOLoader"]>[0]);
-  return () => unpacker.dispose();
+  const [draco, ktx2] = await Promise.all([
+    extensions.includes(DRACO) ? import("./draco.ts").then((it) => new it.DracoUnpacker()) : null,
+    extensions.includes(KTX2) ? import("./ktx2.ts").then((it) => new it.Ktx2Unpacker()) : null,
+  ]);
+  // Their types are of three.js's own loaders, of which GLTFLoader uses what these have.
+  if (draco) loader.setDRACOLoader(draco as unknown as DracoLoader);
+  if (ktx2) loader.setKTX2Loader(ktx2 as unknown as Ktx2Loader);
+  return {
+    get problem() {
+      return ktx2?.problem ?? null;
+    },
+    dispose() {
+      draco?.dispose();
+      ktx2?.dispose();
+    },
+  };
 }
+
+type DracoLoader = Parameters<GLTFLoader["setDRACOLoader"]>[0];
+type Ktx2Loader = Parameters<GLTFLoader["setKTX2Loader"]>[0];
