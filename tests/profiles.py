@@ -67,8 +67,8 @@ def rgb_profile(
     return profile(b"RGB ", tags | {tag.encode(): content for tag, content in more.items()}, name)
 
 
-def grey_profile(curve: float) -> bytes:
-    return profile(b"GRAY", {b"kTRC": curve_tag(curve)}, f"grey {curve}")
+def grey_profile(curve: float | np.ndarray, pcs: bytes = b"XYZ ") -> bytes:
+    return profile(b"GRAY", {b"kTRC": curve_tag(curve)}, "grey", pcs)
 
 
 def cmyk_profile() -> bytes:

@@ -1,6 +1,8 @@
 """Orientation and field of view from EXIF, against Pillow and against known lenses."""
 
 import math
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from deeplight.io.exif import (
     number,
     upright,
 )
+from deeplight.io.photos import read_photo
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -116,3 +119,41 @@ def test_a_file_that_is_no_photo_has_no_entries(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff nothing more")
     assert exif_directories(tmp_path / "a.jpg") == ExifDirectories()
     assert exif_directories(tmp_path / "missing.heic") == ExifDirectories()
+
+
+def orientation_entry(kind: int, count: int, content: bytes) -> bytes:
+    """An EXIF block whose one entry, the orientation, has some type and count."""
+    entry = struct.pack(">HHI4s", 0x0112, kind, count, content.ljust(4, b"\0"))
+    return b"MM\0*\0\0\0\x08\0\1" + entry + bytes(4)
+
+
+SIX = {
+    "short": (3, 1, b"\0\6"),
+    "byte": (1, 1, b"\6"),
+    "long": (4, 1, b"\0\0\0\6"),
+    "signed": (9, 1, b"\0\0\0\6"),
+    "text": (2, 2, b"6\0"),
+    "two": (3, 2, b"\0\6\0\1"),
+}
+
+
+@pytest.mark.parametrize("name", SIX)
+def test_formats_and_sizes_agree_on_entries_of_odd_types(tmp_path: Path, name: str) -> None:
+    exif = orientation_entry(*SIX[name])
+    picture = Image.new("RGB", (160, 96), (90, 120, 60))
+    picture.save(tmp_path / "a.jpg", exif=b"Exif\0\0" + exif)
+    for kind in ("png", "webp"):
+        picture.save(tmp_path / f"a.{kind}", exif=exif)
+    for kind in ("jpg", "png", "webp"):
+        assert read_photo(tmp_path / f"a.{kind}").pixels.shape == (160, 96, 3)
+    height, width, _ = read_photo(tmp_path / "a.jpg", max_side=70).pixels.shape
+    assert 96 >= height > width
+
+
+def test_a_png_may_have_its_entries_behind_its_pixels(tmp_path: Path) -> None:
+    path, exif = tmp_path / "a.png", orientation_entry(3, 1, b"\0\6")
+    Image.new("RGB", (160, 96), (90, 120, 60)).save(path)
+    content, block = path.read_bytes(), b"eXIf" + exif
+    chunk = struct.pack(">I", len(exif)) + block + struct.pack(">I", zlib.crc32(block))
+    path.write_bytes(content[:-12] + chunk + content[-12:])
+    assert read_photo(path).pixels.shape == (160, 96, 3)

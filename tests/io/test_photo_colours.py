@@ -179,6 +179,7 @@ PNGS = {  # signal, the chunks that say what it is
         {b"cICP": bytes([12, 13, 0, 0])},
     ),
     "linear code": (in_space(BT709, lambda x: x, True), {b"cICP": bytes([1, 8, 0, 1])}),
+    "cHRM alone": (in_space(DISPLAY_P3, srgb_encode), {b"cHRM": chrm(DISPLAY_P3)}),
     "sRGB": (photo() / 255, {b"sRGB": b"\0", b"gAMA": gama(1 / 2.2), b"cHRM": chrm(BT709)}),
     "sRGB wins over gAMA": (photo() / 255, {b"sRGB": b"\0", b"gAMA": gama(1.0)}),
     "gAMA of sRGB": (photo() / 255, {b"gAMA": gama(1 / 2.2)}),
@@ -275,6 +276,17 @@ def test_a_grey_profile_is_applied(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     Image.fromarray(stored).save(path, icc_profile=grey_profile(1.4))
     assert far(read_photo(path).pixels, np.repeat(grey[..., None], 3, axis=2)) < 1.5
+
+
+def test_a_grey_profile_may_give_lightness(tmp_path: Path) -> None:
+    grey = photo()[..., 0]
+    luminance = srgb_decode(grey / 255)
+    lightness = 1.16 * np.cbrt(luminance) - 0.16  # CIE L*, all above its straight part
+    path = tmp_path / "a.png"
+    profile = grey_profile(np.linspace(0, 1, 2), b"Lab ")
+    Image.fromarray(eight(lightness)).save(path, icc_profile=profile)
+    assert far(read_photo(path).pixels, np.repeat(grey[..., None], 3, axis=2)) < 1.5
+    assert luminance.min() > 0.00886
 
 
 def test_transparency_is_laid_over_the_converted_colours(tmp_path: Path) -> None:

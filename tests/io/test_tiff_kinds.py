@@ -107,3 +107,21 @@ def test_a_photo_with_a_gain_map_is_what_every_viewer_shows(tmp_path: Path) -> N
     np.testing.assert_array_equal(read.pixels, shown)
     assert read.notes == ()
     assert read_hdr(tmp_path / "a.jpg").max() > 2  # as light it is read with its gains
+
+
+@pytest.mark.parametrize("first_is_smaller", [True, False])
+def test_a_tiff_that_begins_with_a_thumbnail_is_its_photo(
+    tmp_path: Path, first_is_smaller: bool
+) -> None:
+    path = tmp_path / "a.tif"
+    specs = (oiio.ImageSpec(48, 32, 3, "uint8"), oiio.ImageSpec(96, 64, 3, "uint8"))
+    if first_is_smaller:
+        specs[0].attribute("tiff:subfiletype", 1)
+    file = oiio.ImageOutput.create(str(path))
+    assert file.open(str(path), specs)
+    assert file.write_image(np.ascontiguousarray(photo()[::2, ::2]))
+    assert file.open(str(path), specs[1], "AppendSubimage")
+    assert file.write_image(photo())
+    assert file.close()
+    wanted = photo() if first_is_smaller else photo()[::2, ::2]
+    np.testing.assert_array_equal(read_photo(path).pixels, wanted)

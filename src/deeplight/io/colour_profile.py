@@ -81,9 +81,8 @@ def from_icc(profile: bytes) -> ColourSpace | LookUpProfile | None:
         if b"cicp" in tags:
             primaries, transfer = tags[b"cicp"][8:10]
             return from_cicp(primaries, transfer)
-        found = _of_primaries(name, profile[16:20], tags) or _looked_up(
-            name, profile[16:20], opened
-        )
+        space, meant = profile[16:20], profile[20:24]
+        found = _of_primaries(name, space, meant, tags) or _looked_up(name, space, opened)
     except (ImageCms.PyCMSError, OSError, TypeError, struct.error, IndexError) as error:
         raise ValueError(f"colour profile: {error}") from error
     return None if isinstance(found, ColourSpace) and is_srgb(found.pixels) else found
@@ -95,9 +94,18 @@ def _tags(profile: bytes) -> dict[bytes, bytes]:
     return {name: profile[start : start + size] for name, start, size in entries}
 
 
-def _of_primaries(name: str, space: bytes, tags: dict[bytes, bytes]) -> ColourSpace | None:
-    """A profile of primaries and curves; None if it is of another kind or its curves differ."""
-    if b"A2B0" in tags:
+def _of_primaries(
+    name: str, space: bytes, meant: bytes, tags: dict[bytes, bytes]
+) -> ColourSpace | None:
+    """A profile of primaries and curves; None if it is of another kind or its curves differ.
+
+    Args:
+        name: the profile's own.
+        space: what pictures with it hold.
+        meant: the space that it leads to; a grey curve of Lab gives lightness instead of light.
+        tags: its tables and curves.
+    """
+    if b"A2B0" in tags or meant != b"XYZ ":
         return None
     if space == b"GRAY" and b"kTRC" in tags:
         curve = _curve(tags[b"kTRC"])

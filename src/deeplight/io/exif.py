@@ -85,7 +85,8 @@ def number(value: Any) -> float | None:
     if isinstance(value, tuple | list) and len(value) == 1:
         (value,) = value
     if isinstance(value, bytes):
-        value = value.rstrip(b"\0 ").decode("latin-1")
+        is_byte = len(value) == 1 and not value.isdigit()  # a number in the type of one byte
+        value = value[0] if is_byte else value.rstrip(b"\0 ").decode("latin-1")
     if getattr(value, "denominator", 1) in (0xFFFFFFFF, -1):
         return None
     try:
@@ -133,6 +134,22 @@ def exif_of_bytes(content: bytes | None) -> Image.Exif:
     exif = Image.Exif()
     exif.load(content or b"")
     return exif
+
+
+def late_exif(path: Path) -> bytes | None:
+    """The EXIF block that a PNG has behind its pixels, where decoders do not look for one.
+
+    Raises:
+        OSError: the file cannot be read.
+    """
+    with path.open("rb") as file:
+        file.seek(8)
+        while len(head := file.read(8)) == 8:
+            length, kind = int.from_bytes(head[:4]), head[4:]
+            if kind == b"eXIf":
+                return file.read(length)
+            file.seek(length + 4, 1)
+    return None
 
 
 def _directories(tags: Image.Exif) -> ExifDirectories:

@@ -36,8 +36,9 @@ def conversion_of(
     profile = spec.getattribute("ICCProfile")
     if profile is not None:
         return colours_of(None, np.asarray(profile, np.uint8).tobytes())
-    if "gamma" in facts and "srgb" not in facts:
-        return from_gamma(float(facts["gamma"]), *_chromaticities(facts)), ()
+    if ("gamma" in facts or "chromaticity" in facts) and "srgb" not in facts:
+        gamma = float(facts.get("gamma", 1 / 2.2))  # primaries alone: sRGB's curve
+        return from_gamma(gamma, *_chromaticities(facts)), ()
     if spec.get_int_attribute("Exif:ColorSpace") == _UNCALIBRATED:
         with Image.open(path) as picture:  # OpenImageIO leaves this entry out
             return (ADOBE if exif_of_pillow(picture.getexif).is_adobe_rgb else None), ()

@@ -18,7 +18,7 @@ from deeplight.camera_response import encode
 from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io.colour import eight_bit, over_grey, pixel_table
 from deeplight.io.colour_profile import LookUpProfile, cie_lab
-from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow
+from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow, late_exif
 from deeplight.io.heif_boxes import HeifHeader, read_header
 from deeplight.io.image_file import check_size, damaged, first_bytes, not_an_image, opened
 from deeplight.io.photo_colours import (
@@ -47,6 +47,7 @@ MIN_SIDE = 32
 
 PNG_START = b"\x89PNG"
 JPEG_START = b"\xff\xd8\xff"
+_PILLOW_EXIF = (JPEG_START, b"RIFF", b"II", b"MM")
 DECODED_WHEN_OPENED = (b"GIF8", b"\0\0\0\x0cjP  ", b"\xff\x4f\xff\x51")  # GIF, JPEG 2000
 
 _PHOTOMETRIC, _CIE_LAB = "tiff:PhotometricInterpretation", 8
@@ -171,6 +172,7 @@ def _decode(path: Path, start: bytes) -> Stored:
             pixels = _encode_radiance(read_radiance(file, path, MAX_PHOTO_PIXELS))
             exif = replace(_exif(file.spec()), orientation=orientation_of(file, path))
             return Stored(pixels, exif, ("scene-linear file: 1.0 taken as white",))
+        _leave_thumbnails(file, path)
         conversion, notes = conversion_of(file.spec(), facts, path)
         of_inks = isinstance(conversion, LookUpProfile) and conversion.mode in ("CMYK", "LAB")
         # A JPEG with a gain map, which is left out: the photo is what every viewer shows.
@@ -181,7 +183,19 @@ def _decode(path: Path, start: bytes) -> Stored:
         conversion, misfit = fitting(conversion, is_grey=file.spec().nchannels < 3)
         pixels, see_through = _read(file, path, conversion)
         notes = (*notes, *misfit, *notes_on(conversion, see_through))
-        return Stored(pixels, _exif(file.spec()), notes)
+        return Stored(pixels, _exif_of(path, start, facts, file.spec()), notes)
+
+
+def _leave_thumbnails(file: oiio.ImageInput, path: Path) -> None:
+    """Go to the first page of a TIFF that is no smaller version of another (NewSubfileType)."""
+    page = 0
+    while file.spec().get_int_attribute("tiff:subfiletype") & 1:
+        page += 1
+        if not file.seek_subimage(page, 0):
+            file.geterror()  # or OpenImageIO prints it when the process ends
+            file.seek_subimage(0, 0)
+            return
+        check_size(path, file.spec().width, file.spec().height, MAX_PHOTO_PIXELS)
 
 
 def _read(
@@ -207,7 +221,7 @@ def _read(
     for top in range(0, spec.height, rows):
         end = min(top + rows, spec.height)
         if rows == spec.height:
-            values = file.read_image(0, 0, 0, channels, kind)
+            values = file.read_image(file.current_subimage(), 0, 0, channels, kind)
         else:
             values = file.read_scanlines(spec.y + top, spec.y + end, spec.z, 0, channels, kind)
         if values is None or file.has_error:
@@ -261,6 +275,22 @@ def _encode_radiance(
     radiance: Float32[np.ndarray, "height width 3"],
 ) -> UInt8[np.ndarray, "height width 3"]:
     return np.floor(encode(np.clip(radiance, 0, 1)) * 255 + 0.5).astype(np.uint8)
+
+
+def _exif_of(path: Path, start: bytes, facts: dict[Any, Any], spec: oiio.ImageSpec) -> Exif:
+    """What the camera says: Pillow's entries wherever it reads the format, so that full and reduced
+    pictures, and all formats, agree on entries of odd types."""
+    if start.startswith(PNG_START):
+        bare = Image.new("L", (1, 1))
+        bare.info = {"exif": late_exif(path), **facts}
+        return exif_of_pillow(bare.getexif)
+    if not start.startswith(_PILLOW_EXIF):
+        return _exif(spec)
+    try:
+        with warnings.catch_warnings(action="ignore"), Image.open(path) as picture:
+            return exif_of_pillow(picture.getexif)
+    except (OSError, SyntaxError, ValueError):  # OpenImageIO could read more than Pillow
+        return _exif(spec)
 
 
 def _exif(spec: oiio.ImageSpec) -> Exif:
