@@ -85,6 +85,17 @@ def test_denoising_borrows_from_like_surface_only() -> None:
     assert error.std() < 0.35 * (noisy - clean).std()
 
 
+def test_a_crease_of_one_pixel_borrows_from_what_is_nearest_to_alike() -> None:
+    cover, normal = np.ones((20, 21)), np.zeros((20, 21, 3))
+    normal[:, :10, 0] = normal[:, 11:, 1] = 1
+    share = RNG.uniform(0.2, 0.8, 20)  # no pixel of the crease is like another
+    normal[:, 10, :2] = np.stack([share, 1 - share], -1)
+    noisy = 1 + RNG.normal(0, 0.2, (20, 21, 3))
+    crease = denoised(noisy, cover, normal)[:, 10]
+    assert crease.std() < 0.6 * noisy[:, 10].std()
+    assert denoised(noisy, cover, normal, cover)[:, 10].std() > 1.3 * crease.std()  # a mirror
+
+
 def layers_of(height: int, width: int, crop: tuple[int, int, int, int]) -> Layers:
     cover = RNG.random((height, width)).astype(np.float32)
     radiance = RNG.random((height, width, 3)).astype(np.float32) * cover[..., None]

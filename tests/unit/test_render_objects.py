@@ -11,8 +11,9 @@ from deeplight.camera import PinholeCamera
 from deeplight.compose import shapes
 from deeplight.compose.compose import Item, placed
 from deeplight.compose.ground import Viewpoint
-from deeplight.compose.mesh import load, standing
+from deeplight.compose.mesh import Mesh, load, standing
 from deeplight.errors import ConfigError, ImageFileError
+from deeplight.frames import normalised
 
 
 @pytest.mark.parametrize("turn_deg", [0, 35, 200])
@@ -193,3 +194,35 @@ def test_a_texture_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
 def test_a_wrong_item_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ConfigError):
         Item("bunny", **wrong)
+
+
+EYE = np.array([0.4, 1.4, 2.0])
+
+
+def seen(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Cosines between the view and the normals of each face: its own, and its corners'."""
+    corners = mesh.vertices[mesh.faces]
+    own = normalised(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    view = normalised(EYE - corners)
+    return np.einsum("fc,fc->f", own, view[:, 0]), (mesh.normals[mesh.faces] * view).sum(-1)
+
+
+@pytest.mark.parametrize("name", ["bunny", "sphere", "pot"])
+def test_no_normal_of_a_face_that_is_seen_turns_away(name: str) -> None:
+    mesh = standing(load(name), np.zeros(3), 1.0)[0]
+    face, corners = seen(mesh)
+    assert corners[face > 1e-6].min() < 0  # as it comes, it does at the outline
+    bent = mesh.towards(EYE)
+    assert seen(bent)[1][face > 1e-6].min() > 0.02
+    assert np.linalg.norm(bent.normals, axis=-1) == pytest.approx(1)
+    front = np.isin(np.arange(len(mesh.vertices)), mesh.faces[face > 0])
+    front &= (mesh.normals * normalised(EYE - mesh.vertices)).sum(-1) > 0.06
+    assert bent.normals[front] == pytest.approx(mesh.normals[front])  # away from the outline
+
+
+def test_an_open_surface_seen_from_behind_keeps_its_side() -> None:
+    square = np.array([[-1, 0, 3], [1, 0, 3], [1, 2, 3], [-1, 2, 3]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    behind = Mesh(square, faces, np.tile([0.0, 0, 1], (4, 1)))
+    assert behind.towards(EYE).normals == pytest.approx(behind.normals)
+    assert Mesh(square, faces).towards(EYE).normals is None

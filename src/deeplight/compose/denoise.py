@@ -12,7 +12,9 @@ ENOUGH_SAMPLES = 64
 
 _SPARK = 1.25  # times the second brightest neighbour
 _REACH = 2
+_NOTHING = 1e3  # squared difference from a pixel that shows no object
 _ALIKE = 0.004  # squared difference of normals and albedos at which a neighbour counts 1 / e
+_FEWEST = 5  # pixels, its own one of them, that count as much: in a crease few are alike
 
 
 def smooth_sums(
@@ -57,12 +59,17 @@ def denoised(
     radiance: Float[np.ndarray, "height width 3"],
     cover: Float[np.ndarray, "height width"],
     features: Float[np.ndarray, "height width n"],
+    sharp: Float[np.ndarray, "height width"] | float = 0.0,
 ) -> Float[np.ndarray, "height width 3"]:
     """Average the objects' radiance over neighbours of like surface.
+
+    In a crease no pixel is like another: each shows another share of both sides. It borrows from
+    those that are the least unlike.
 
     Args:
         radiance, features: times the cover; features are albedo and normal.
         cover: share of the pixel.
+        sharp: share that reflects like a mirror, where even a crease shows a picture.
 
     Returns:
         Radiance, again times the cover.
@@ -71,13 +78,28 @@ def denoised(
     padded = np.pad(padded, [(_REACH, _REACH), (_REACH, _REACH), (0, 0)])
     height, width = cover.shape
     own = features / np.maximum(cover, 1e-6)[..., None]
-    total, weights = np.zeros_like(radiance), np.zeros((height, width, 1))
-    for down, right in np.ndindex(2 * _REACH + 1, 2 * _REACH + 1):
-        other = padded[down : down + height, right : right + width]
-        share = other[..., 3:4]
-        apart = ((other[..., 4:] / np.maximum(share, 1e-6) - own) ** 2).sum(-1, keepdims=True)
-        weight = np.exp(-apart / _ALIKE)
-        total += weight * other[..., :3]
-        weights += weight * share
-    result: np.ndarray = total / np.maximum(weights, 1e-9) * cover[..., None]
+    around = [
+        padded[down : down + height, right : right + width]
+        for down, right in np.ndindex(2 * _REACH + 1, 2 * _REACH + 1)
+    ]
+    apart = np.stack([_apart(other[..., 3], other[..., 4:], own) for other in around])
+    nearest = np.partition(apart, _FEWEST - 1, axis=0)[_FEWEST - 1]
+    alike = np.where(sharp > cover / 2, _ALIKE, np.maximum(nearest, _ALIKE))
+    total, weights = np.zeros_like(radiance), np.zeros((height, width))
+    for other, unlike in zip(around, apart, strict=True):
+        weight = np.exp(-unlike / alike)
+        total += weight[..., None] * other[..., :3]
+        weights += weight * other[..., 3]
+    result: np.ndarray = total * (cover / np.maximum(weights, 1e-9))[..., None]
     return result
+
+
+def _apart(
+    share: Float[np.ndarray, "height width"],
+    features: Float[np.ndarray, "height width n"],
+    own: Float[np.ndarray, "height width n"],
+) -> Float[np.ndarray, "height width"]:
+    """Squared differences of features; large where a neighbour has none."""
+    differences = features / np.maximum(share, 1e-6)[..., None] - own
+    apart: np.ndarray = np.where(share > 0, (differences**2).sum(-1), _NOTHING)
+    return apart

@@ -15,6 +15,7 @@ SILVER_KEPT = 0.85
 """What a ball of roughness 0.3 that absorbs nothing gives back of white light in Mitsuba, which
 leaves out light scattered more than once. The test of the furnace measures it."""
 PLASTIC_COLOUR = (0.55, 0.55, 0.55)
+MIRROR_ROUGHNESS = 0.15
 MATERIALS = ("diffuse", "silver", "mirror", "plastic", "file")
 
 
@@ -22,6 +23,13 @@ def bsdf(mi: Any, material: str, mesh: Mesh) -> dict[str, Any]:
     """Give Mitsuba's description of a material of `MATERIALS`; both sides of a triangle have it."""
     inner = _file(mi, mesh) if material == "file" else _named(material)
     return {"type": "twosided", "inner": inner}
+
+
+def is_mirror(material: str, mesh: Mesh) -> bool:
+    """Whether a surface reflects a picture of what is around it."""
+    if material == "file":
+        return mesh.finish.roughness < MIRROR_ROUGHNESS and mesh.finish.metallic > 0.5
+    return material == "mirror"
 
 
 def _named(material: str) -> dict[str, Any]:

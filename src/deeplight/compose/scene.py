@@ -127,8 +127,14 @@ def mitsuba_scene(mi: Any, scene: Scene, plane: bool = True, solids: bool = True
     if solids:
         for i, solid in enumerate(scene.solids):
             for j, mesh in enumerate(solid.meshes):
-                parts[f"solid_{i}_{j}"] = _mitsuba_mesh(mi, mesh, solid.material)
+                seen = mesh.towards(np.array([0, scene.viewpoint.height_m, 0]))
+                parts[name_of(i, j)] = _mitsuba_mesh(mi, seen, solid.material)
     return mi.load_dict(parts)
+
+
+def name_of(solid: int, mesh: int) -> str:
+    """What the loaded scene calls a mesh of a solid."""
+    return f"solid_{solid}_{mesh}"
 
 
 def _plane(mi: Any, scene: Scene) -> dict[str, Any]:

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from deeplight.compose.denoise import ENOUGH_SAMPLES, denoised, smooth_sums, without_sparks
+from deeplight.compose.materials import is_mirror
 from deeplight.compose.mitsuba_variant import mitsuba
 from deeplight.compose.scene import (
     MOST_BOUNCES,
@@ -27,6 +28,7 @@ from deeplight.compose.scene import (
     affected,
     bounds_of_solids,
     mitsuba_scene,
+    name_of,
     sensor,
 )
 from deeplight.errors import ConfigError
@@ -151,6 +153,7 @@ class _Rays:
     shadowed: Float[np.ndarray, "height width 3"]
     open: Float[np.ndarray, "height width 3"]
     features: Float[np.ndarray, "height width 6"]  # albedo and normal, times the cover
+    sharp: Float[np.ndarray, "height width"]  # share that mirrors cover
 
 
 class _Tracer:
@@ -161,7 +164,15 @@ class _Tracer:
         self._full = mitsuba_scene(mi, scene)
         self._empty = mitsuba_scene(mi, scene, solids=False)
         self._alone = mitsuba_scene(mi, scene, plane=False) if light_from_below else None
-        self._plane = 1 + [shape.id() for shape in self._full.shapes()].index(PLANE)
+        shapes = [shape.id() for shape in self._full.shapes()]
+        self._plane = 1 + shapes.index(PLANE)
+        mirrors = [
+            name_of(i, j)
+            for i, solid in enumerate(scene.solids)
+            for j, mesh in enumerate(solid.meshes)
+            if is_mirror(solid.material, mesh)
+        ]
+        self._mirrors = [1 + shapes.index(name) for name in mirrors]
 
     def run(
         self,
@@ -193,7 +204,7 @@ class _Tracer:
         camera = sensor(self._mi, self._scene.viewpoint, window)
         size = (window.height, window.width)
         radiance, shadowed, unshadowed = np.zeros((3, *size, 3))
-        cover, features = np.zeros(size), np.zeros((*size, 6))
+        cover, sharp, features = np.zeros(size), np.zeros(size), np.zeros((*size, 6))
         for number in range(passes):
             seed = self._seed * 100_003 + number + window.top * 1_009
             shape, looks = self._met(camera, seed, objects)
@@ -208,9 +219,10 @@ class _Tracer:
                     full = self._radiance(self._alone, camera, seed, MOST_BOUNCES)
                 radiance += full * solid[..., None]
                 cover += solid
+                sharp += np.isin(shape, self._mirrors)
                 features += looks * solid[..., None]
             done(window.width * window.height * (number + 1))
-        return radiance, cover, shadowed, unshadowed, features
+        return radiance, cover, shadowed, unshadowed, features, sharp
 
     def _met(
         self, camera: Any, seed: int, looks: bool
@@ -264,7 +276,8 @@ def _joined(
     columns = slice(near[0] - wide[0], near[2] - wide[0])
     objects, hidden = around.radiance, around.cover
     if rounds:
-        objects = denoised(without_sparks(objects, hidden), hidden, around.features)
+        objects = without_sparks(objects, hidden)
+        objects = denoised(objects, hidden, around.features, around.sharp)
     radiance[rows, columns], cover[rows, columns] = objects, hidden
     sums = np.concatenate([around.shadowed, around.open], -1)
     sums = smooth_sums(sums, min(rounds, 6))

@@ -1,9 +1,14 @@
 """Triangles and how their surface reflects: what every mesh file is brought to."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
+
+from deeplight.frames import normalised
+
+LEAST_FACING = 0.05
+"""Cosine between a normal and the view of what is seen: 87 degrees at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +51,20 @@ class Mesh:
     uv: Float[np.ndarray, "n 2"] | None = None
     colours: Float[np.ndarray, "n 3"] | None = None
     finish: Finish = Finish()
+
+    def towards(self, eye: Float[np.ndarray, "3"]) -> "Mesh":
+        """The same for a camera at `eye`: no face that it sees has normals that turn away from it.
+
+        Smoothed normals at an outline belong to the faces behind it as well, and a renderer shades
+        what they turn away as its own back: a rim of dark dots.
+        """
+        if self.normals is None:
+            return self
+        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
+        seen = np.einsum("fc,fc->f", np.cross(b - a, c - a), eye - a) > 0
+        side = np.full(len(self.vertices), -1.0)  # of an open surface one may see the back
+        side[self.faces[seen]] = 1.0
+        view = normalised(eye - self.vertices)
+        missing = LEAST_FACING - side * np.einsum("vc,vc->v", self.normals, view)
+        bent = self.normals + (side * np.maximum(missing, 0))[:, None] * view
+        return replace(self, normals=normalised(bent))
