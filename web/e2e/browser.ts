@@ -12,6 +12,7 @@ const FLAGS = [
   "--use-gl=angle",
   "--use-angle=swiftshader",
   "--enable-unsafe-swiftshader",
+  "--disable-gpu-watchdog", // it ends the graphics where a busy machine draws slowly
 ];
 
 /** A busy machine needs more. */

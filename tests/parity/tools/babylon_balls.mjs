@@ -13,10 +13,13 @@ const { chromium } = createRequire(path.join(modules, 'x.js'))('playwright-core'
 
 const browser = await chromium.launch({
   executablePath: process.env.DEEPLIGHT_CHROMIUM ?? '/usr/bin/chromium',
-  args: ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'],
+  args: ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist',
+    '--disable-gpu-watchdog'], // which ends the graphics where a busy machine draws slowly
+  timeout: 0, // the test has its own limit
 });
 try {
   const tab = await browser.newPage();
+  tab.setDefaultTimeout(0);
   tab.on('console', (message) => console.log(message.text()));
   for (const script of ['babylonjs/babylon.js', 'babylonjs-loaders/babylonjs.loaders.js'])
     await tab.addScriptTag({ path: path.join(modules, script) });

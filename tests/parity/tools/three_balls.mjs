@@ -33,10 +33,13 @@ await new Promise((done) => server.listen(0, '127.0.0.1', done));
 
 const browser = await chromium.launch({
   executablePath: process.env.DEEPLIGHT_CHROMIUM ?? '/usr/bin/chromium',
-  args: ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'],
+  args: ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist',
+    '--disable-gpu-watchdog'], // which ends the graphics where a busy machine draws slowly
+  timeout: 0, // the test has its own limit
 });
 try {
   const tab = await browser.newPage();
+  tab.setDefaultTimeout(0);
   tab.on('console', (message) => console.log(message.text()));
   await tab.goto(`http://127.0.0.1:${server.address().port}/`);
   for (const text of materials) {

@@ -70,7 +70,7 @@ export class Desk {
 
   private connect(): void {
     const { app } = this;
-    connectTrays((tray) => this.lift(tray));
+    connectTrays((tray) => app.stage.keepClearOf(tray?.getBoundingClientRect() ?? null));
     const on = (id: string, act: () => void): void => button(id).addEventListener("click", act);
     on("close", () => app.leave());
     on("freeze", () => void app.freeze());
@@ -168,13 +168,6 @@ export class Desk {
     const is = box("light").hidden !== false;
     button("meter").setAttribute("aria-expanded", String(is));
     this.app.showLightPanel(is);
-  }
-
-  /** A tray along the lower edge must not hide the object. */
-  private lift(tray: HTMLElement | null): void {
-    const at = tray?.getBoundingClientRect();
-    const isBelow = at !== undefined && at.width > innerWidth / 2;
-    this.app.stage.liftAbove(isBelow ? at.top : null);
   }
 
   /** How sure the estimate is, where it is not. */

@@ -8,8 +8,8 @@ import type { Notice } from "./notice.ts";
 /** The one thing that a user sees of it and would wonder about. */
 const WHOSE_LIGHT: Readonly<Record<Viewer, string>> = {
   "quick-look":
-    "In Quick Look: even light is painted on as here, gloss and mirrors show what Quick Look knows of the room.",
-  "scene-viewer": "In Scene Viewer, which lights the object by itself.",
+    "Opens Quick Look with this light painted on; gloss and mirrors show Quick Look’s own.",
+  "scene-viewer": "Opens Scene Viewer, which lights the object by itself.",
 };
 
 export function offerViewer(app: App, notice: Notice, hasRoom: boolean): void {

@@ -70,6 +70,9 @@ const MULTIPLY = `
     gl_FragColor = vec4(pow(clamp(1.0 - fade * share, 0.0, 1.0), vec3(${(1 / GAMMA).toFixed(6)})), 1.0);
   }`;
 
+/** What lies on the floor around the object is no part of it. */
+export const SHADOW_NAME = "shadow";
+
 export class FloorShadow {
   /** To be added to the object's own frame. */
   readonly mesh: Mesh;
@@ -116,6 +119,7 @@ export class FloorShadow {
       transparent: true,
     });
     const floor = new Mesh(plane, material);
+    floor.name = SHADOW_NAME;
     floor.onBeforeRender = (renderer) => this.refresh(renderer);
     return floor;
   }

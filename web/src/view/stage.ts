@@ -1,13 +1,15 @@
 /** The view: the camera's picture, and in it an object with its shadow, drawn when something changed. */
 
 import { ASSUMED_LONG_SIDE_FOV_RAD, IDENTITY, type Light, type Matrix3x3 } from "deeplight/core";
-import { Group, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
+import { Box3, Group, Mesh, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import type { Picture } from "../camera/picture.ts";
 import { Failure } from "../failure.ts";
 import { rotation } from "../sensors/pose.ts";
 import { Backdrop } from "./backdrop.ts";
+import { movedClear, type ScreenBox } from "./clearance.ts";
 import type { Exhibit } from "./exhibit.ts";
 import { type Fit, fitOn, focalLength, type Size, verticalFov } from "./fit.ts";
+import { SHADOW_NAME } from "./floor-shadow.ts";
 import { groundPoint, showsGround, type Viewpoint } from "./ground.ts";
 import { useCameraResponse } from "./response.ts";
 import { makeReticle } from "./reticle.ts";
@@ -16,8 +18,6 @@ import { makeReticle } from "./reticle.ts";
 const MOST_PIXEL_RATIO = 2;
 const LONGEST_SNAPSHOT = 4096;
 const PATIENCE_MS = 3000;
-/** Between the object's foot and what lies below it on the screen. */
-const FOOT_MARGIN_PX = 16;
 
 interface LightInWorld {
   readonly light: Light;
@@ -202,12 +202,14 @@ export class Stage {
     await xr.setSession(session);
   }
 
-  /** Moves the view up until the object's foot is seen above a line of the screen; null moves it back. */
-  liftAbove(line: number | null): void {
-    const { style, offsetTop, offsetHeight } = this.canvas;
-    const foot = offsetTop + this.place()[1] * offsetHeight + FOOT_MARGIN_PX;
-    const lift = line === null || !this.picture ? 0 : Math.min(foot - line, offsetHeight / 3);
-    style.transform = lift > 0 ? `translateY(${-Math.round(lift)}px)` : "";
+  /** Moves the view until a panel of the screen does not cover the object; null moves it back. */
+  keepClearOf(panel: ScreenBox | null): void {
+    const { style, offsetLeft, offsetTop, offsetWidth, offsetHeight } = this.canvas;
+    const [right, bottom] = [offsetLeft + offsetWidth, offsetTop + offsetHeight];
+    const view = { left: offsetLeft, top: offsetTop, right, bottom };
+    const object = panel && this.picture && this.objectOn(view);
+    const [left, up] = object ? movedClear(object, panel, view) : [0, 0];
+    style.transform = left || up ? `translate(${-Math.round(left)}px, ${-Math.round(up)}px)` : "";
   }
 
   /** Draws in the next frame, once, however often it is called. */
@@ -237,6 +239,30 @@ export class Stage {
     copy.getContext("2d")?.drawImage(this.canvas, 0, 0);
     this.layOut();
     return copy;
+  }
+
+  /** Where the object is seen. */
+  private objectOn({ left, top, right, bottom }: ScreenBox): ScreenBox | null {
+    const bounds = new Box3();
+    this.anchor.updateWorldMatrix(false, true);
+    this.exhibit?.object.traverse((part) => {
+      if (part instanceof Mesh && part.name !== SHADOW_NAME) bounds.expandByObject(part);
+    });
+    if (bounds.isEmpty()) return null;
+    this.holdCamera();
+    this.camera.updateMatrixWorld();
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => {
+      const [x, y, z] = [i & 1, i & 2, i & 4].map((is) => (is ? bounds.max : bounds.min));
+      return new Vector3(x!.x, y!.y, z!.z).project(this.camera);
+    });
+    const across = corners.map(({ x }) => left + ((x + 1) / 2) * (right - left));
+    const down = corners.map(({ y }) => top + ((1 - y) / 2) * (bottom - top));
+    return {
+      left: Math.min(...across),
+      top: Math.min(...down),
+      right: Math.max(...across),
+      bottom: Math.max(...down),
+    };
   }
 
   private get renderer(): WebGLRenderer {
