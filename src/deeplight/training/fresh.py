@@ -8,13 +8,12 @@ from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch.utils.data import DataLoader
 
-from deeplight.dataset import DataSet
 from deeplight.errors import ConfigError, DataSetError
 from deeplight.jobs import processes
 from deeplight.training.data import (
@@ -26,37 +25,12 @@ from deeplight.training.data import (
     step_loader,
     to_device,
 )
+from deeplight.training.epochs import Epochs, make_epoch
 from deeplight.training.network.generator import Orientation
 from deeplight.training.share import ALONE, Share
 
 if TYPE_CHECKING:
     from deeplight.training.config import TrainConfig
-
-
-@runtime_checkable
-class Epochs(Protocol):
-    """Where new examples come from; `simulate.epochs.FilmedEpochs` is ours.
-
-    It can be pickled: the next epoch is made in another process.
-    """
-
-    @property
-    def fingerprint(self) -> str:
-        """A name made of all that decides them."""
-
-    @property
-    def places(self) -> Collection[str]:
-        """That they are made of."""
-
-    @property
-    def length(self) -> int:
-        """Examples of each epoch, at most."""
-
-    def epoch(self, number: int) -> DataSet:
-        """The data set of an epoch: the same whenever it is asked for, made if it is not there.
-
-        Older epochs may be gone afterwards.
-        """
 
 
 @dataclass(frozen=True)
@@ -118,7 +92,7 @@ class FreshBatches:
                 last = min(self.steps(batch_size), first + stop - step)
                 step += last - first
                 if step < stop:
-                    ahead = background.submit(_make, self.fresh.epochs, number + 1)
+                    ahead = background.submit(make_epoch, self.fresh.epochs, number + 1)
                 for batch in self._loader(examples, number, batch_size, first, last):
                     yield to_device(Batch(*batch), self.device)
 
@@ -146,11 +120,6 @@ class FreshBatches:
         rows = order.take(positions, mode="wrap").reshape(-1, batch_size)
         own = [self.share.own(row).tolist() for row in rows]
         return step_loader(examples, own, self.config, self.device)
-
-
-def _make(epochs: Epochs, number: int) -> None:
-    """Make an epoch in another process; it is found on the disk."""
-    epochs.epoch(number)
 
 
 def with_fresh(fingerprint: str, epochs: Epochs | None, held_out: Collection[str]) -> str:

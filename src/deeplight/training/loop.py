@@ -25,7 +25,7 @@ from deeplight.training.checkpoint import BEST
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
 from deeplight.training.data import Batch
-from deeplight.training.fresh import Epochs
+from deeplight.training.epochs import Epochs
 from deeplight.training.losses import LossTerms, reconstruction_terms
 from deeplight.training.optimiser import set_learning_rate
 from deeplight.training.record import RecentLosses

@@ -20,8 +20,9 @@ from deeplight.training.adversary import Adversary
 from deeplight.training.augment import prepare
 from deeplight.training.config import TrainConfig
 from deeplight.training.data import BatchSource, ExampleBytes, refuse_other_size
+from deeplight.training.epochs import Epochs
 from deeplight.training.fitted import fit_all, principal_components
-from deeplight.training.fresh import Epochs, Fresh, FreshBatches, source_of, with_fresh
+from deeplight.training.fresh import Fresh, FreshBatches, source_of, with_fresh
 from deeplight.training.losses import RigBases
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, Mixture
