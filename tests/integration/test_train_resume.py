@@ -18,7 +18,7 @@ from deeplight.errors import ConfigError, DataSetError, ModelError
 from deeplight.training import checkpoint, fitted, loop
 from deeplight.training.config import TrainConfig
 from deeplight.training.data import BatchSource, ExampleBytes, Order
-from deeplight.training.loop import BEST, Run, train
+from deeplight.training.loop import BEST, Progress, Run, train
 from deeplight.training.presets import preset
 from deeplight.training.release import contract_of, load_best
 from patience import patient
@@ -63,10 +63,21 @@ def data(toy) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(data, tmp_path_factory) -> Path:
-    """The folder of an uninterrupted run."""
-    folder = tmp_path_factory.mktemp("whole")
-    train(data, folder, settings())
+    """The folder of an uninterrupted run; next to it, what a kill after step 3 would have left."""
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+
+    def copied(progress: Progress) -> None:
+        if progress.step == 3:  # its rows are written, the last checkpoint is of step 2
+            shutil.copytree(folder, folder.with_name("killed"))
+
+    train(data, folder, settings(), watch=copied)
     return folder
+
+
+@pytest.fixture
+def killed(whole, tmp_path) -> Path:
+    """A run as it lies on the disk after a kill."""
+    return Path(shutil.copytree(whole.with_name("killed"), tmp_path / "killed"))
 
 
 def rows(folder: Path, table: str) -> list[dict[str, str]]:
@@ -123,15 +134,13 @@ def kill(process: subprocess.Popen) -> None:
     process.wait()
 
 
-def test_a_run_killed_and_resumed_is_the_uninterrupted_run(data, whole, tmp_path):
-    process = started(command(data, tmp_path))
-    wait_for(lambda: checkpoint.latest(tmp_path) is not None, process)
-    kill(process)
-    assert checkpoint.load(checkpoint.latest(tmp_path))[0].step < 6, "it was not killed in time"
-
-    train(data, tmp_path, settings())
-    assert len(rows(tmp_path, "losses.csv")) == 6
-    assert same_run(tmp_path, whole)
+def test_a_run_killed_and_resumed_is_the_uninterrupted_run(data, whole, killed):
+    """Real processes are killed below, which takes minutes."""
+    assert checkpoint.load(checkpoint.latest(killed))[0].step == 2
+    assert len(rows(killed, "losses.csv")) == 3
+    train(data, killed, settings())
+    assert len(rows(killed, "losses.csv")) == 6
+    assert same_run(killed, whole)
 
 
 @pytest.mark.slow
@@ -228,17 +237,30 @@ def test_a_loss_that_is_not_finite_stops_the_run_and_saves_its_batch(data, tmp_p
     assert not (tmp_path / BEST).exists()
 
 
+@pytest.fixture(scope="module")
+def seldom_logged(data, tmp_path_factory) -> Path:
+    """A run that looks at its losses after step 2, and next after step 4; stopped after step 2."""
+    folder = tmp_path_factory.mktemp("seldom")
+
+    def stop(progress: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(data, folder, settings("run.log_every=4"), watch=stop)
+    return folder
+
+
 @pytest.mark.parametrize(
     "broken", ["loss", "discriminator", "gradient", "discriminator's gradient"]
 )
 def test_the_last_good_weights_survive_what_is_not_finite(
-    data, whole, tmp_path, monkeypatch, broken
+    data, seldom_logged, killed, tmp_path, monkeypatch, broken
 ):
     """Step 3 breaks, after the checkpoint of step 2; a gradient breaks weights, not its own loss.
 
-    Then the same command goes on, to the end that an unbroken run has.
+    The state of an unbroken run is left, with which the same command goes on to its end (above).
     """
-    honest = Run.train_step
+    run_dir, honest = shutil.copytree(seldom_logged, tmp_path / "broken"), Run.train_step
 
     def breaking(run, batch):
         networks = run.networks
@@ -253,16 +275,15 @@ def test_the_last_good_weights_survive_what_is_not_finite(
 
     monkeypatch.setattr(Run, "train_step", breaking)
     with pytest.raises(ConfigError, match=r"at step 3.*step-00000002"):
-        train(data, tmp_path, settings("run.log_every=4"))
-    header, states = checkpoint.load(checkpoint.latest(tmp_path))
-    assert header.step == 2
+        train(data, run_dir, settings("run.log_every=4"))
+    (header, states), (good, unbroken) = (
+        checkpoint.load(checkpoint.latest(run)) for run in (run_dir, killed)
+    )
+    assert header.step == good.step == 2
+    assert same_tensors(states, unbroken)
     assert all(tensor.isfinite().all() for group in states.values() for tensor in group.values())
-    assert (tmp_path / "not-finite-step-00000003.safetensors").exists()
-    assert not (tmp_path / BEST).exists()  # step 4 would have been the first validation
-
-    monkeypatch.undo()
-    train(data, tmp_path, settings("run.log_every=4"))
-    assert same_weights(tmp_path, whole)
+    assert (run_dir / "not-finite-step-00000003.safetensors").exists()
+    assert not (run_dir / BEST).exists()  # step 4 would have been the first validation
 
 
 def test_the_command_says_in_one_line_that_a_run_diverged(data, tmp_path, capfd):
