@@ -1,7 +1,7 @@
 """What every test shares."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -78,9 +78,19 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def flipped_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model file that answers the mirrored photo too: it uses each of its layers twice."""
     pytest.importorskip("onnxscript")
-    from networks import write_mean
+    from networks import shallow, write_mean
 
-    return write_mean(tmp_path_factory.mktemp("flipped"), "--flips")
+    with shallow():
+        return write_mean(tmp_path_factory.mktemp("flipped"), "--flips")
+
+
+@pytest.fixture
+def shallow_networks() -> Iterator[None]:
+    """Networks of few blocks, for what holds for any depth."""
+    from networks import shallow
+
+    with shallow():
+        yield
 
 
 @pytest.fixture(scope="session")

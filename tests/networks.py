@@ -1,14 +1,32 @@
 """Small networks for tests of files that hold them."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 import torch
 
 from deeplight.cli.main import main
-from deeplight.training import checkpoint
+from deeplight.training import checkpoint, model_file, slim
 from deeplight.training.config import TrainConfig, flatten
+from deeplight.training.network import mobilenet_v2
 from deeplight.training.network.generator import Generator
 from deeplight.training.presets import preset
+
+
+@contextmanager
+def shallow() -> Iterator[None]:
+    """Networks of one block a stage while it lasts, six of sixteen: a third of the time to export.
+
+    For laws of files that hold for any depth; that the whole network comes back from one is tested
+    in `tests/parity/test_onnx.py` and on the golden file.
+    """
+    stages = tuple((expansion, wide, 1, by) for expansion, wide, _, by in mobilenet_v2.STAGES)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (mobilenet_v2, model_file, slim):
+            patch.setattr(module, "STAGES", stages)
+        yield
 
 
 def lamps_network() -> tuple[Generator, TrainConfig]:

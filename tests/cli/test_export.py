@@ -15,7 +15,7 @@ from deeplight.training.config import flatten
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator
 from deeplight.training.presets import preset
-from networks import lamps_network, write_mean
+from networks import lamps_network, shallow, write_mean
 
 pytestmark = pytest.mark.needs("onnxscript")
 
@@ -58,7 +58,7 @@ def test_an_onnx_file_comes_back_the_same(
         assert out.stat().st_size < 0.8 * tiny.stat().st_size
 
 
-def test_a_runs_best_weights_are_exported_with_batch_norm_folded(tmp_path):
+def test_a_runs_best_weights_are_exported_with_batch_norm_folded(tmp_path, shallow_networks):
     config = preset("small-width035", ["network.output_size=16", "network.latent_size=16"])
     generator = Generator(config.network)
     for module in generator.modules():  # a norm that does something
@@ -129,8 +129,10 @@ def test_without_the_converter_its_extra_is_reported(tiny, tmp_path, capfd):
 
 @pytest.fixture(scope="module")
 def networks(tiny):
-    """One with lamps and one without."""
-    return lamps_network()[0], load_network(tiny)[0]
+    """One with lamps, of few blocks, and one without."""
+    with shallow():
+        lamps = lamps_network()[0]
+    return lamps, load_network(tiny)[0]
 
 
 def test_several_networks_answer_with_the_mean_of_their_light(networks):
@@ -167,7 +169,8 @@ def test_a_file_answers_as_the_mean_does(networks, averaged):
 
 
 @pytest.mark.slow
-def test_two_networks_are_one_file(networks, tiny, tmp_path):
+def test_two_networks_are_one_file(tiny, tmp_path):
+    networks = (lamps_network()[0], load_network(tiny)[0])
     assert_answers_as(networks, OnnxEstimator(write_mean(tmp_path, str(tiny))), flips=False)
 
 

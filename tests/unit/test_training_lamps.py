@@ -20,6 +20,7 @@ from deeplight.training.network.generator import (
     chroma,
 )
 from deeplight.training.slim import start_from
+from networks import shallow
 
 SMALL = NetworkConfig(
     latent_size=32,
@@ -111,12 +112,13 @@ def test_a_new_network_gives_the_photos_colour_no_part() -> None:
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("lamps") / "lamps.onnx"
-    export_onnx(network(), CONTRACT, path, float16=False)
+    with shallow():
+        export_onnx(network(), CONTRACT, path, float16=False)
     return path
 
 
 @torch.no_grad()
-def test_the_file_gives_light_and_lamps(exported: Path) -> None:
+def test_the_file_gives_light_and_lamps(exported: Path, shallow_networks: None) -> None:
     expected, lamps = network().light(photos())
     assert lamps is not None
     found, given, _ = OnnxEstimator(exported).run_fully(photos().numpy())
@@ -140,7 +142,7 @@ def test_an_estimate_has_lamps_the_strongest_first(exported: Path) -> None:
 
 
 @torch.no_grad()
-def test_the_file_can_be_learnt_from_again(exported: Path) -> None:
+def test_the_file_can_be_learnt_from_again(exported: Path, shallow_networks: None) -> None:
     again, contract = load_network(exported)
     assert contract == CONTRACT
     torch.testing.assert_close(again(photos()), network()(photos()), atol=5e-3, rtol=0)
@@ -179,7 +181,9 @@ def test_features_read_both_ways_give_mirrored_light(mirrored: bool) -> None:
 
 
 @torch.no_grad()
-def test_a_network_that_reads_both_ways_keeps_it_in_its_file(tmp_path: Path) -> None:
+def test_a_network_that_reads_both_ways_keeps_it_in_its_file(
+    tmp_path: Path, shallow_networks: None
+) -> None:
     config = replace(SMALL, mirrored=True)
     contract = replace(CONTRACT, mirrored=True)
     export_onnx(network(config), contract, tmp_path / "both.onnx", float16=False)

@@ -93,7 +93,7 @@ def test_another_network_and_no_share_are_refused(tmp_path: Path) -> None:
 
 
 @torch.no_grad()
-def test_an_exported_network_can_be_a_part(tmp_path: Path) -> None:
+def test_an_exported_network_can_be_a_part(tmp_path: Path, shallow_networks: None) -> None:
     a, b = saved(tmp_path / "a.safetensors", 1), saved(tmp_path / "b.safetensors", 2)
     first, contract = load_network(a)
     export_onnx(first, contract, tmp_path / "a.onnx", float16=False)
