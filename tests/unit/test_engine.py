@@ -10,6 +10,7 @@ import pytest
 from deeplight.errors import ConfigError
 from deeplight.io.atomic import only_run
 from deeplight.jobs import Engine, run
+from fake_ray import FakeRay
 from jobs import Sum, add_up, fail_next_to_a_writer, threads_allowed
 
 
@@ -20,17 +21,54 @@ def outcome(jobs: list[Sum], engine: Engine) -> dict[int, int | str | None]:
     }
 
 
-def test_processes_and_ray_give_what_one_process_gives(tmp_path: Path, two_nodes: str) -> None:
+def assert_same_everywhere(folder: Path, *engines: Engine) -> None:
+    """What the jobs return and what they write, the bad input of one of them included."""
     results = []
-    for engine in (Engine(workers=1), Engine(workers=2), Engine("ray", 2, two_nodes)):
-        folder = tmp_path / str(len(results))
-        folder.mkdir()
-        found = outcome([Sum(n, folder) for n in range(6)], engine)
-        results.append((found, {p.name: p.read_bytes() for p in folder.iterdir()}))
-    assert results[0] == results[1] == results[2]
+    for number, engine in enumerate(engines):
+        here = folder / str(number)
+        here.mkdir()
+        found = outcome([Sum(n, here) for n in range(6)], engine)
+        results.append((found, {p.name: p.read_bytes() for p in here.iterdir()}))
+    assert all(result == results[0] for result in results)
     assert results[0][0][5] == 10
     assert "choose one" in str(results[0][0][3])
     assert len(results[0][1]) == 5
+
+
+def test_processes_give_what_one_process_gives(tmp_path: Path) -> None:
+    assert_same_everywhere(tmp_path, Engine(workers=1), Engine(workers=2))
+
+
+@pytest.fixture
+def fake_ray(monkeypatch: pytest.MonkeyPatch) -> FakeRay:
+    fake = FakeRay()
+    monkeypatch.setitem(sys.modules, "ray", fake)
+    return fake
+
+
+def test_what_ray_is_asked_for_gives_what_one_process_gives(
+    tmp_path: Path, fake_ray: FakeRay
+) -> None:
+    assert_same_everywhere(tmp_path, Engine(workers=1), Engine("ray", 3))
+    assert fake_ray.most == 3
+    with pytest.raises(ZeroDivisionError):
+        list(run([Sum(99, tmp_path)], add_up, Engine("ray", 2)))
+    assert not fake_ray.running
+
+
+def test_an_interrupt_stops_what_ray_runs(tmp_path: Path, fake_ray: FakeRay) -> None:
+    results = run([Sum(n, tmp_path) for n in range(6)], add_up, Engine("ray"))
+    next(results)
+    with pytest.raises(KeyboardInterrupt):
+        results.throw(KeyboardInterrupt)  # type: ignore[attr-defined]
+    assert len(fake_ray.cancelled) == 1
+    assert len(list(tmp_path.iterdir())) == 1
+    assert not fake_ray.running
+
+
+@pytest.mark.slow
+def test_a_real_cluster_gives_what_one_process_gives(tmp_path: Path, two_nodes: str) -> None:
+    assert_same_everywhere(tmp_path, Engine(workers=1), Engine("ray", 2, two_nodes))
     with pytest.raises(ZeroDivisionError):
         list(run([Sum(99, tmp_path)], add_up, Engine("ray", 2, two_nodes)))
 

@@ -246,7 +246,9 @@ def test_the_final_map_has_the_photos_colour_and_the_lamps_power() -> None:
     assert found[40, 5] == pytest.approx(0.3 * tint, rel=1e-3)
 
 
-@pytest.mark.parametrize("preset", ["gardner_2017", "hold_geoffroy_2017"])
+@pytest.mark.parametrize(
+    "preset", [pytest.param("gardner_2017", marks=pytest.mark.slow), "hold_geoffroy_2017"]
+)
 def test_each_learns_eight_examples_by_heart(preset: str, tmp_path: Path) -> None:
     """And answers with its light where it is: the brightest direction within 25 degrees."""
     pairs = all_pairs(rooms() if preset == "gardner_2017" else places(), VIEWS)
