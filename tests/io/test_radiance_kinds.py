@@ -274,9 +274,10 @@ def test_the_name_of_a_space_is_known(tmp_path: Path, primaries: tuple, said: di
     np.testing.assert_allclose(read_hdr(path), light(), atol=1e-4)
 
 
-@pytest.mark.parametrize("names", [("X", "Y", "Z"), ("Y", "RY", "BY")])
-def test_xyz_and_chroma_are_no_grey(tmp_path: Path, names: tuple[str, ...]) -> None:
-    channels = {name: light()[..., i] for i, name in enumerate(names)}
+@pytest.mark.parametrize("names", ["X Y Z", "Y RY BY", "Z", "View.Depth.Z", "A", "c.r c.g c.b c.a"])
+def test_what_is_no_light_is_refused(tmp_path: Path, names: str) -> None:
+    names = names.replace("c.", "View.CryptoObject00.")
+    channels = {name: light()[..., i % 3] for i, name in enumerate(names.split())}
     with pytest.raises(ImageFileError, match="R, G, B"):
         read_hdr(write_parts(tmp_path / "a.exr", [("", channels)]))
 

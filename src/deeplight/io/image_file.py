@@ -15,12 +15,10 @@ import OpenImageIO as oiio
 
 from deeplight.errors import ImageFileError
 from deeplight.io.atomic import replacing
+from deeplight.io.radiance_pixels import plain_hdr
 
 MAX_SIDE = 30_000
 """Longest side in pixels that is read; longer ones are mistakes or attacks."""
-
-
-_XYZ, _RGB = b"32-bit_rle_xyze", b"32-bit_rle_rgbe"  # of Radiance's FORMAT line
 
 
 def first_bytes(path: Path, count: int = 16) -> bytes:
@@ -48,7 +46,8 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
         OSError: there is no such file, it is a folder, or reading it is not permitted.
         ImageFileError: not an image, a damaged header, or more than `max_pixels` or `MAX_SIDE`.
     """
-    with _openable(path, first_bytes(path, 4096)) as name:
+    plain = plain_hdr(path, max_pixels) if first_bytes(path).startswith(b"#?") else None
+    with _openable(path, plain) as name:
         straight_alpha = oiio.ImageSpec()
         straight_alpha.attribute("oiio:UnassociatedAlpha", 1)
         file = oiio.ImageInput.open(name, straight_alpha)
@@ -62,17 +61,16 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
 
 
 @contextmanager
-def _openable(path: Path, start: bytes) -> Iterator[str]:
-    """A name by which OpenImageIO can read the file: it takes UTF-8 and RGBE alone."""
-    is_xyz = start.startswith(b"#?") and _XYZ in start
-    if _is_utf8(path) and not is_xyz:
+def _openable(path: Path, content: bytes | None) -> Iterator[str]:
+    """A name by which OpenImageIO can read the file, or `content` instead: it takes UTF-8 alone."""
+    if _is_utf8(path) and content is None:
         yield str(path)
         return
     with TemporaryDirectory(prefix="deeplight-") as folder:
         suffix = path.suffix if _is_utf8(Path(path.suffix)) else ""
         stand_in = Path(folder) / f"picture{suffix}"
-        if is_xyz:  # the same bytes, whose meaning `io.radiance` knows from the file itself
-            stand_in.write_bytes(path.read_bytes().replace(_XYZ, _RGB, 1))
+        if content is not None:
+            stand_in.write_bytes(content)
         else:
             stand_in.symlink_to(path.absolute())
         yield str(stand_in)
@@ -100,6 +98,7 @@ def write_image(path: Path, spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
             raise ImageFileError("a folder to write into", got, "rename it, or give another")
         file = oiio.ImageOutput.create(str(temporary))
         if file is None:
+            oiio.geterror()  # or OpenImageIO prints it when the process ends
             raise ImageFileError("a name ending in .exr or .hdr", f"{path}", "rename the output")
         written = file.open(str(temporary), spec) and file.write_image(np.ascontiguousarray(pixels))
         # Closing flushes, so a full disk may show only there.

@@ -112,8 +112,9 @@ def read_radiance(
     channels = choose_layer(file, path, layer).channels
     spec = file.spec()
     kinds = [str(kind) for kind in spec.channelformats] or [str(spec.format)] * spec.nchannels
-    if file.format_name() == "openexr" and kinds[channels[0]] not in FLOATING_POINT:
-        raise _integer(path, kinds[channels[0]])
+    whole = [kinds[channel] for channel in channels if kinds[channel] not in FLOATING_POINT]
+    if file.format_name() == "openexr" and whole:
+        raise _integer(path, whole[0])
     check_size(path, spec.width, spec.height, max_pixels)
     check_size(path, spec.full_width, spec.full_height, max_pixels)
     first, last = min(channels), max(channels)

@@ -13,6 +13,7 @@ PREFERRED = ("combined", "rgba", "beauty", "rgb")
 """Last words of the names that renderers give to the picture as a whole, the surest first."""
 
 _COLOURS = {"r": 0, "red": 0, "g": 1, "green": 1, "b": 2, "blue": 2}
+_NO_LIGHT = ("a", "alpha", "depth", "id", "mask", "mist", "z")  # channels that stand alone
 _MOST_NAMED = 12  # layers named in an error
 
 
@@ -95,7 +96,7 @@ def _layers(part: int, part_name: str, names: tuple[str, ...]) -> list[Layer]:
     return [
         Layer(part, part_name, layer, (at[0], at[1], at[2]))
         for layer, at in places.items()
-        if len(at) == 3
+        if len(at) == 3 and "crypto" not in layer.lower()  # Cryptomatte's numbers of objects
     ]
 
 
@@ -104,7 +105,8 @@ def _grey(part: int, part_name: str, names: tuple[str, ...]) -> list[Layer]:
     return [
         Layer(part, part_name, "", (index,) * 3)
         for index, name in enumerate(names)
-        if (name == "Y" and not is_no_grey) or len(names) == 1
+        if (name == "Y" and not is_no_grey)
+        or (len(names) == 1 and name.lower().rpartition(".")[2] not in _NO_LIGHT)
     ]
 
 
