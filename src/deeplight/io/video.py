@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import UInt8
@@ -37,6 +37,9 @@ pictures): a "film" that opens what lies next to it, or an address."""
 _OF_PICTURES = frozenset("bmp gif jpeg2000 jpegls mjpeg png tiff webp".split())
 """Codecs of still pictures: such a stream is the film only where there is no other."""
 
+_WITH_ALPHA = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
+"""FFmpeg's decoders that give a WebM's alpha, of those it takes by itself."""
+
 _DEFAULT, _PICTURES = 1, 1024 | 2048  # FFmpeg's AV_DISPOSITION: default; cover, thumbnails
 _TIMED_PACKETS = 900  # how far `facts` looks for an uneven frame rate
 
@@ -48,11 +51,13 @@ class VideoFrame:
     Attributes:
         number: position in the file, from 0.
         time_s: when it is shown.
+        lost: damaged frames right before it, which are left out and not counted.
     """
 
     number: int
     time_s: float
     _picture: Picture = field(repr=False)
+    lost: int = 0
 
     @cached_property
     def luma(self) -> UInt8[np.ndarray, "height width"]:
@@ -89,7 +94,9 @@ class VideoFrame:
     def notes(self) -> tuple[str, ...]:
         """What had to be decided about its colours, one short line each."""
         look, space = self._picture.look, self._picture.look.colour_space
-        notes = ("transparent parts taken as mid-grey",) if self._picture.has_alpha else ()
+        lost = (f"damaged frames before it, left out: {self.lost}",) if self.lost else ()
+        seen = ("transparent parts taken as mid-grey",) if self._picture.has_alpha else ()
+        notes = (*lost, *seen)
         if look.hdr:
             return (*notes, f"{look.hdr} video, brought to SDR: reference white is 1.0")
         return (*notes, f"{space.name} video, converted to sRGB") if space else notes
@@ -124,10 +131,11 @@ class VideoFacts:
 
 
 class _Film(NamedTuple):
-    """An opened file, the stream that is the film, and how the container says to show it."""
+    """An opened file, the stream that is the film, its decoder, and how it is to be shown."""
 
     container: "av.container.InputContainer"
     stream: "av.VideoStream"
+    decoder: Any
     look: Appearance
 
 
@@ -189,12 +197,16 @@ def _spring(film: _Film, to_s: float) -> None:
 
 
 def _frames_from(path: Path, from_s: float, spring: bool) -> Iterator[VideoFrame]:
-    count, skipped, size = 0, 0, None
+    count, skipped, lost, size = 0, 0, 0, None
     with _opened(path) as film:
         if spring:
             _spring(film, from_s)
         rate = film.stream.average_rate
         for frame in _decoded(film, path):
+            # Made up by the decoder for damaged data, or drawn from such a frame.
+            if frame.is_corrupt or (lost and not frame.key_frame):
+                lost += 1
+                continue
             _check(path, frame, film.look)
             size = size or (frame.width, frame.height)
             if size != (frame.width, frame.height):
@@ -204,12 +216,12 @@ def _frames_from(path: Path, from_s: float, spring: bool) -> Iterator[VideoFrame
             if not math.isfinite(time_s):  # a broken clock gives no number, too
                 time_s = in_all / float(rate or 30)
             if time_s < from_s:
-                skipped += 1
+                skipped, lost = skipped + 1, 0
                 continue
-            yield VideoFrame(count, time_s, Picture(frame, film.look))
-            count += 1
+            yield VideoFrame(count, time_s, Picture(frame, film.look), lost)
+            count, lost = count + 1, 0
     if not count + skipped:
-        raise _no_video(path)
+        raise damaged(path, "no frame of it is whole") if lost else _no_video(path)
 
 
 def facts(path: Path | str) -> VideoFacts:
@@ -270,12 +282,13 @@ def _opened(path: Path) -> Iterator[_Film]:
                     raise _no_video(path)
                 _check_header(path, stream)
                 look = Appearance.of_stream(stream)
-                stream.codec_context.options = limit
-                stream.thread_type = "AUTO"
+                decoder = _decoder_of(stream)
+                decoder.options = limit
+                decoder.thread_type = "AUTO"
                 # 0 is as many as there are cores; a worker next to others has to keep to one.
                 one = os.environ.get("OMP_NUM_THREADS") == "1"
-                stream.codec_context.thread_count = int(one)
-                yield _Film(container, stream, look)
+                decoder.thread_count = int(one)
+                yield _Film(container, stream, decoder, look)
         except av.error.FFmpegError as error:
             if _is_text(start):
                 expected, got = "a video", f"{path}, a text: a playlist or list of other files?"
@@ -296,6 +309,16 @@ def _film_of(container: "av.container.InputContainer") -> "av.VideoStream | None
     return next(iter(films), None)
 
 
+def _decoder_of(stream: "av.VideoStream") -> Any:
+    """The stream's own decoder, or the one that gives its alpha, too."""
+    import av
+
+    other = _WITH_ALPHA.get(stream.codec_context.name)
+    if stream.metadata.get("alpha_mode") != "1" or other not in av.codecs_available:
+        return stream.codec_context
+    return av.VideoCodecContext.create(other, "r")
+
+
 def _check_header(path: Path, stream: "av.VideoStream") -> None:
     check_size(path, stream.width, stream.height, MAX_VIDEO_PIXELS)
     if not stream.width:
@@ -313,9 +336,9 @@ def _is_text(start: bytes) -> bool:
 def _decoded(film: _Film, path: Path) -> Iterator["av.VideoFrame"]:
     for packet in film.container.demux(film.stream):
         if packet.is_corrupt:  # a file cut off inside this packet
-            yield from film.stream.decode(None)  # the whole ones that the decoder still holds
+            yield from film.decoder.decode(None)  # the whole ones that the decoder still holds
             raise damaged(path, "it ends in the middle of a frame")
-        yield from packet.decode()
+        yield from film.decoder.decode(packet)
 
 
 def _uneven(film: _Film) -> bool | None:
@@ -339,6 +362,9 @@ def _no_video(path: Path) -> ImageFileError:
 
 
 def _check(path: Path, frame: "av.VideoFrame", look: Appearance) -> None:
+    if not look.is_converted(frame):
+        got = f"{path} of colour matrix {int(frame.colorspace)} (H.273), as few are"
+        raise ImageFileError("a video in Y'CbCr or RGB", got, "convert it to BT.709")
     width, height = look.square(frame.width, frame.height)
     check_size(path, width, height, MAX_VIDEO_PIXELS)
     if min(width, height) < MIN_SIDE:

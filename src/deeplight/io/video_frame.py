@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 # ITU-T H.273's numbers, which are FFmpeg's AVCOL_SPC, _PRI and _TRC
 ITU601, ITU709, UNSPECIFIED, BT2020, LINEAR = 5, 1, 2, 9, 8
+CONVERTED = frozenset((*range(8), BT2020))
+"""Matrices that FFmpeg turns into RGB: not YCgCo, ICtCp and BT.2020 of constant luminance."""
 TRANSFERS = {1: "BT.709", 6: "BT.601", 13: "sRGB", **HDR_TRANSFERS}
 FULL_RANGE = 2  # FFmpeg's AVCOL_RANGE numbers, of which 0 is "unspecified"
 
@@ -93,6 +95,11 @@ class Appearance:
             _orientation(frame),
             self.pixel_aspect,
         )
+
+    def is_converted(self, frame: "av.VideoFrame") -> bool:
+        """Whether a frame's colours can be turned into RGB."""
+        matrix = _said(int(frame.colorspace), self.matrix)
+        return matrix in CONVERTED or frame.format.is_rgb or len(frame.format.components) < 3
 
     @property
     def hdr(self) -> str | None:
