@@ -1,8 +1,10 @@
 """Every way of glTF to say the same triangles gives the same ones; lies are refused."""
 
+import base64
 import json
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -213,7 +215,6 @@ def test_buffers_are_found_by_their_percent_encoded_names(tmp_path: Path) -> Non
         gltf.json["buffers"] = [{"byteLength": len(gltf.bytes), "uri": uri}]
         (tmp_path / "mesh.gltf").write_text(json.dumps(gltf.json))
         assert same(str(tmp_path / "mesh.gltf"))
-    import base64
 
     uri = "data:application/octet-stream;base64," + base64.b64encode(gltf.bytes).decode()
     gltf.json["buffers"][0]["uri"] = uri
@@ -311,3 +312,38 @@ def test_what_is_not_drawn_is_said(path: Path, material: dict[str, Any], note: s
     gltf.json["materials"] = [material]
     (mesh,) = load(gltf.save(path))
     assert mesh.finish.notes == ((note,) if note else ())
+
+
+@pytest.mark.parametrize("safe", [False, True])
+def test_written_out_data_may_be_encoded_for_addresses(tmp_path: Path, safe: bool) -> None:
+    gltf = Gltf()
+    board = BOARD * np.nextafter(np.float32(1), np.float32(0))  # bytes that need / in base64
+    gltf.board(board)
+    text = base64.b64encode(gltf.bytes).decode()
+    plain = text.replace("+", "-").replace("/", "_").rstrip("=") if safe else quote(text, "")
+    assert plain != text
+    for data in (plain, text):
+        uri = f"data:application/octet-stream;base64,{data}"
+        gltf.json["buffers"] = [{"byteLength": len(gltf.bytes), "uri": uri}]
+        (tmp_path / "a.gltf").write_text(json.dumps(gltf.json))
+        (mesh,) = load(str(tmp_path / "a.gltf"))
+        np.testing.assert_allclose(mesh.vertices, board, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("modes", "wrap"),
+    [((), "repeat"), ((33071, 33071), "clamp"), ((33648, 33648), "mirror"), ((33071,), "mixed")],
+)
+def test_what_lies_around_a_texture_is_obeyed_or_said(
+    path: Path, modes: tuple[int, ...], wrap: str
+) -> None:
+    gltf = Gltf()
+    gltf.board(TEXCOORD_0=gltf.array(2 * UV))
+    gltf.textured()
+    gltf.json["samplers"] = [dict(zip(("wrapS", "wrapT"), modes, strict=False))]
+    gltf.json["textures"][0]["sampler"] = 0
+    (mesh,) = load(gltf.save(path))
+    assert mesh.finish.wrap == ("repeat" if wrap == "mixed" else wrap)
+    assert bool(mesh.finish.notes) == (wrap == "mixed")
+    gltf.json["accessors"][0] = gltf.json["accessors"][gltf.array(UV)]
+    assert not load(gltf.save(path))[0].finish.notes  # nothing around it shows

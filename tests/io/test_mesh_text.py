@@ -99,3 +99,29 @@ def test_a_lone_number_of_a_material_is_grey() -> None:
         raise AssertionError
 
     assert plain_mtl(b"Kd 0.5\r\nKa 1 0 0\n", never) == b"Kd 0.5 0.5 0.5\nKa 1 0 0\n"
+
+
+LINES = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1 4/1/1\n"
+WAYS = {
+    "as ever": LINES,
+    "comments behind numbers": LINES.replace("\n", " # v 9 9 9\n"),
+    "indented": "  " + LINES.replace("\n", "\n \t"),
+    "CR": LINES.replace("\n", "\r"),
+    "CR LF": LINES.replace("\n", "\r\n"),
+    "continued": LINES.replace("3/1/1", "\\ \n3/1/1"),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_lines_of_an_obj_may_look_otherwise(tmp_path: Path, way: str) -> None:
+    (tmp_path / "a.obj").write_bytes(WAYS[way].encode())
+    (mesh,) = load(str(tmp_path / "a.obj"))
+    triangles = mesh.vertices[mesh.faces]
+    sides = triangles[:, 1:] - triangles[:, :1]
+    assert np.cross(sides[:, 0], sides[:, 1]).sum(0) / 2 == pytest.approx([0, 0, 4])
+    assert len(mesh.faces) == 2
+
+
+def test_a_name_may_hold_the_sign_of_comments(tmp_path: Path) -> None:
+    mesh = textured(tmp_path, "mtllib a#1.mtl", {"a#1.mtl": "newmtl a\nKd 1 0 0\n"})
+    assert mesh.finish.colour == pytest.approx((1, 0, 0))

@@ -33,6 +33,7 @@ _DTYPES: Mapping[int, str] = {
 _WIDTHS: Mapping[str, int] = {
     "SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16
 }  # fmt: skip
+_URL_SAFE = bytes.maketrans(b"-_", b"+/")
 _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 
@@ -157,11 +158,13 @@ class GltfFile:
     def _at(self, uri: str) -> bytes:
         """Read what a URI names: data written out, or a file (its name percent-encoded)."""
         if uri.startswith("data:"):
-            head, _, data = uri.partition(",")
+            head, _, text = uri.partition(",")
+            data = unquote_to_bytes(text)
             if not head.endswith(";base64"):
-                return unquote_to_bytes(data)
+                return data
+            plain = b"".join(data.split()).translate(_URL_SAFE).rstrip(b"=")
             try:
-                return base64.b64decode(data)
+                return base64.b64decode(plain + b"=" * (-len(plain) % 4), validate=True)
             except ValueError as error:
                 raise self.fault("data that is no base64") from error
         try:

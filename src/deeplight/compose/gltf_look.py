@@ -11,6 +11,8 @@ from deeplight.compose.gltf_file import GltfFile
 
 TRANSFORM = "KHR_texture_transform"
 GLOSSY = "KHR_materials_pbrSpecularGlossiness"
+REPEAT, MIXED = "repeat", "mixed"
+_WRAPS = {10497: REPEAT, 33071: "clamp", 33648: "mirror"}
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,7 @@ class MaterialLook:
         colour_map, roughness_map: which of the file's images; the second holds roughness in
             green, metal in blue.
         uv_set, uv_place: which coordinates the pictures use, and how.
+        wrap: what lies around a picture: "repeat", "clamp", "mirror", or a mix of these.
         lost: it names a picture of a kind that we cannot read.
         notes: what could not be applied.
     """
@@ -48,6 +51,7 @@ class MaterialLook:
     roughness_map: int | None = None
     uv_set: int = 0
     uv_place: TexturePlace = TexturePlace()
+    wrap: str = REPEAT
     lost: bool = False
     notes: tuple[str, ...] = ()
     given: bool = True
@@ -135,4 +139,11 @@ def _with_picture(
         return replace(of, lost=True)
     uv_set, place = _placing(info)
     changes: dict[str, Any] = {name: int(source), "uv_set": uv_set, "uv_place": place}
-    return replace(of, **changes)
+    return replace(of, **changes, wrap=_wrap(file, texture))
+
+
+def _wrap(file: GltfFile, texture: Mapping[str, Any]) -> str:
+    """Say what lies to the sides of a texture's picture."""
+    sampler = file.item("samplers", texture["sampler"]) if "sampler" in texture else {}
+    sides = {_WRAPS.get(sampler.get(name, 10497), REPEAT) for name in ("wrapS", "wrapT")}
+    return MIXED if len(sides) > 1 else sides.pop()

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int, Num
 
 from deeplight.compose.gltf_file import DO, GltfFile
-from deeplight.compose.gltf_look import MaterialLook, look
+from deeplight.compose.gltf_look import MIXED, MaterialLook, look
 from deeplight.errors import ImageFileError, MissingExtraError
 
 MAX_NODES = 1_000_000
@@ -343,7 +343,10 @@ def _coordinates(
     if values is None:
         textured = of.colour_map is not None or of.roughness_map is not None
         return None, ("a texture without coordinates was left out",) if textured else ()
-    return of.uv_place.apply(values[:, :2].astype(float)) * [1, -1] + [0, 1], ()
+    places = of.uv_place.apply(values[:, :2].astype(float))
+    leaves = np.abs(places - 0.5).max(initial=0) > 0.5 + 1e-3
+    notes = ("a texture repeats to all sides, where it should not",) if leaves else ()
+    return places * [1, -1] + [0, 1], notes if of.wrap == MIXED else ()
 
 
 def _colours(

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from deeplight import brdf
 from deeplight.compose.mesh import Finish, Mesh
 
@@ -56,7 +58,7 @@ def _file(mi: Any, mesh: Mesh) -> dict[str, Any]:
     if mesh.colours is not None:
         colour: dict[str, Any] = {"type": "mesh_attribute", "name": "vertex_color"}
     elif finish.colour_map is not None and mesh.uv is not None:
-        colour = {"type": "bitmap", "bitmap": mi.Bitmap(finish.colour_map)}
+        colour = _bitmap(mi, finish, finish.colour_map)
     else:
         colour = _rgb(finish.colour)
     maps = {"roughness": finish.roughness_map, "metallic": finish.metallic_map}
@@ -66,8 +68,12 @@ def _file(mi: Any, mesh: Mesh) -> dict[str, Any]:
     }
     for name, values in maps.items():
         if values is not None and mesh.uv is not None:
-            numbers[name] = {"type": "bitmap", "bitmap": mi.Bitmap(values[..., None]), "raw": True}
+            numbers[name] = {**_bitmap(mi, finish, values[..., None]), "raw": True}
     return {"type": "principled", "base_color": colour, "specular": 0.5, **numbers}
+
+
+def _bitmap(mi: Any, finish: Finish, pixels: np.ndarray) -> dict[str, Any]:
+    return {"type": "bitmap", "bitmap": mi.Bitmap(pixels), "wrap_mode": finish.wrap}
 
 
 def _rgb(values: Any) -> dict[str, Any]:

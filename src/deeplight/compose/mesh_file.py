@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from deeplight.compose import gltf_mesh
 from deeplight.compose.gltf_file import GltfFile
-from deeplight.compose.gltf_look import MaterialLook
+from deeplight.compose.gltf_look import MIXED, REPEAT, MaterialLook
 from deeplight.compose.mesh_text import LIBRARY, PLACED, plain_mtl, plain_obj, plain_ply
 from deeplight.compose.textures import Pixels, Textures
 from deeplight.compose.triangles import Finish, Mesh
@@ -263,6 +263,7 @@ def _finish_of(look: MaterialLook, file: GltfFile, textures: Textures) -> Finish
         _coloured(look.colour, colour),
         roughness=look.roughness,
         metallic=look.metallic,
+        wrap=REPEAT if look.wrap == MIXED else look.wrap,
         roughness_map=None if rough is None else (rough[..., 1] * look.roughness).astype(np.uint8),
         metallic_map=None if rough is None else (rough[..., 2] * look.metallic).astype(np.uint8),
         lost=lost or (look.roughness_map is not None and rough is None),

@@ -6,7 +6,10 @@ from collections.abc import Callable
 from deeplight.compose.ply import of_triangles
 from deeplight.compose.polygons import cut_obj
 
-_CONTINUED = re.compile(rb"\\\r?\n")
+_CONTINUED = re.compile(rb"\\ *\n")
+_INDENT = re.compile(rb"^ +", re.MULTILINE)
+_COMMENT = re.compile(rb"#[^\n]*")
+_COMMENTED = (b"v ", b"vt", b"vn", b"f ")  # other lines hold names, of which # may be a part
 _LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
 _ONE_NAME = re.compile(rb"\S.*?\.mtl(?=\s|$)", re.IGNORECASE)
 _MAP = re.compile(rb"^([ \t]*map_kd)[ \t]+(.*?)[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
@@ -54,13 +57,24 @@ def plain_obj(content: bytes) -> tuple[bytes, list[str]]:
 
     It may name several on one line or on many, and their names may hold spaces.
     """
-    text = unicode(content).replace(b"\t", b" ")  # trimesh finds no faces behind tabs
-    text = cut_obj(_CONTINUED.sub(b" ", text))
+    text = unicode(content).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = text.replace(b"\t", b" ")  # trimesh finds no faces behind tabs
+    text = cut_obj(_uncommented(_INDENT.sub(b"", _CONTINUED.sub(b" ", text))))
     lines = _LIBRARY.findall(text)
     names = [name.decode() for line in lines for name in _ONE_NAME.findall(line) or [line]]
     if not names:
         return text, []
     return b"mtllib " + LIBRARY.encode() + b"\n" + _LIBRARY.sub(b"", text), names
+
+
+def _uncommented(text: bytes) -> bytes:
+    """Give an .obj without what stands behind the numbers of a line."""
+
+    def without(found: re.Match[bytes]) -> bytes:
+        start = text.rfind(b"\n", 0, found.start()) + 1
+        return b"" if text.startswith(_COMMENTED, start) else found[0]
+
+    return _COMMENT.sub(without, text)
 
 
 def plain_mtl(content: bytes, placed: Callable[[], None]) -> bytes:

@@ -19,6 +19,7 @@ class Finish:
         colour: base colour, linear.
         colour_map: base colour texture, sRGB; multiplied by `colour` when the file is read.
         roughness, metallic: 0 to 1; each may have a map of one channel.
+        wrap: what lies around the maps: "repeat", "clamp" or "mirror".
         lost: the file names a texture or a material that could not be read.
         notes: what else of the file's surface could not be applied.
     """
@@ -29,6 +30,7 @@ class Finish:
     metallic: float = 0.0
     roughness_map: UInt8[np.ndarray, "rows columns"] | None = None
     metallic_map: UInt8[np.ndarray, "rows columns"] | None = None
+    wrap: str = "repeat"
     lost: bool = False
     notes: tuple[str, ...] = ()
 
