@@ -57,7 +57,7 @@ def checked_once(function: Any = None, *, typechecker: Any) -> Any:
 
 
 def _once(function: types.FunctionType, typechecker: Any) -> Callable[..., Any]:
-    right: set[Hashable] = set()
+    right: dict[Hashable, set[Hashable]] = {}  # kinds of results, by the kind of the call
 
     @functools.cache  # made at the first call: most functions are never called by one test process
     def whole() -> Callable[..., Any]:
@@ -70,17 +70,18 @@ def _once(function: types.FunctionType, typechecker: Any) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def called(*args: Any, **kwargs: Any) -> Any:
-        kind = kind_of((args, kwargs))
-        if kind is None or kind not in right:
+        kind = kind_of((args, kwargs)) if kwargs else _kinds_of(args)
+        results = None if kind is None else right.get(kind)
+        if results is None:
             result = whole()(*args, **kwargs)
             if kind is not None and len(right) < MOST_KINDS:
-                right.update((kind, (kind, kind_of(result))))
+                right[kind] = {kind_of(result)}
             return result
         result = function(*args, **kwargs)
         of_result = kind_of(result)
-        if of_result is None or (kind, of_result) not in right:
+        if of_result is None or of_result not in results:
             result_check()(args, kwargs, result)
-            right.add((kind, of_result))
+            results.add(of_result)
         return result
 
     return called
@@ -111,30 +112,58 @@ class ResultCheck:
 def kind_of(value: Any) -> Hashable:
     """What decides whether a value is what an annotation asks for; None where that is much."""
     kind = type(value)
-    if value is None or kind is float:
-        return kind
-    if isinstance(value, str):
-        return (kind, value) if len(value) <= LITERALS else kind
-    if isinstance(value, int | bytes | enum.Enum):
-        return (kind, value)
-    if isinstance(value, tuple | list):
-        return (kind, parts) if (parts := _kinds_of(value)) is not None else None
+    how = _how.get(kind)
+    if how is None:  # a question for each type, not for each value: these are asked by every call
+        how = _how[kind] = _how_of(kind)
+    return how(value)
+
+
+_how: dict[type, Callable[[Any], Hashable]] = {}
+
+
+def _how_of(kind: type) -> Callable[[Any], Hashable]:
+    """How to know the kind of the values of a type."""
+    import numpy as np  # not before conftest.py has chosen the number of its threads
+
+    if kind in (types.NoneType, float):
+        return type
+    if issubclass(kind, str):
+        return lambda word: (kind, word) if len(word) <= LITERALS else kind
+    if issubclass(kind, int | bytes | enum.Enum):
+        return lambda value: (kind, value)
+    if issubclass(kind, tuple | list):
+        return lambda values: None if (parts := _kinds_of(values)) is None else (kind, parts)
     if kind is dict:
-        keys, values = _kinds_of(tuple(value)), _kinds_of(tuple(value.values()))
-        return None if keys is None or values is None else (kind, keys, values)
-    if isinstance(value, Mapping | set | frozenset):  # looking into a mapping may call checked code
-        return None
+        return _kind_of_dict
+    if issubclass(kind, Mapping | set | frozenset):  # looking into one may call checked code
+        return lambda _: None
     if not hasattr(kind, "dtype"):  # asking the value may call a checked function
-        return kind
+        return type
+    if kind is np.ndarray:
+        return lambda array: (kind, array.dtype, array.shape)
+    return _kind_of_array
+
+
+def _kind_of_dict(value: dict[Any, Any]) -> Hashable:
+    keys, values = _kinds_of(tuple(value)), _kinds_of(tuple(value.values()))
+    return None if keys is None or values is None else (dict, keys, values)
+
+
+def _kind_of_array(value: Any) -> Hashable:
     dtype, shape = value.dtype, getattr(value, "shape", None)
     if dtype is None or not isinstance(shape, tuple):
-        return kind
+        return type(value)
     numbers = all(type(size) is int for size in shape)  # not so where torch traces a network
-    return (kind, dtype, tuple(shape)) if numbers else None
+    return (type(value), dtype, tuple(shape)) if numbers else None
 
 
-def _kinds_of(values: tuple[Any, ...] | list[Any]) -> Hashable:
+def _kinds_of(values: tuple[Any, ...] | list[Any]) -> tuple[Hashable, ...] | None:
     if len(values) > LONGEST:
         return None
-    kinds = tuple(kind_of(value) for value in values)
-    return None if None in kinds else kinds
+    kinds = []
+    for value in values:
+        kind = kind_of(value)
+        if kind is None:
+            return None
+        kinds.append(kind)
+    return tuple(kinds)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from deeplight.frames import Directions, normalised
+from deeplight.frames import Directions, dot, normalised
 
 Distances = Float[np.ndarray, "n"]
 Points = Float[np.ndarray, "n 3"]
@@ -25,8 +25,8 @@ class Ball:
     def hit(self, origins: Points, directions: Points) -> Distances:
         """Distance along each ray; inf where it misses."""
         towards = self.centre_m - origins
-        along = (towards * directions).sum(-1)
-        half = self.radius_m**2 - (towards**2).sum(-1) + along**2
+        along = dot(towards, directions)
+        half = self.radius_m**2 - dot(towards, towards) + along**2
         distance = along - np.sqrt(np.maximum(half, 0))
         return np.where((half > 0) & (distance > 1e-6), distance, np.inf)
 
@@ -54,8 +54,8 @@ class Rod:
             directions - ray_axis[:, None] * axis,
             from_start - start_axis[:, None] * axis,
         )
-        a, b = (across**2).sum(-1), (across * offset).sum(-1)
-        half = b * b - a * ((offset**2).sum(-1) - self.radius_m**2)
+        a, b = dot(across, across), dot(across, offset)
+        half = b * b - a * (dot(offset, offset) - self.radius_m**2)
         distance = (-b - np.sqrt(np.maximum(half, 0))) / np.maximum(a, 1e-12)
         at = start_axis + distance * ray_axis
         side = np.where((half > 0) & (distance > 1e-6) & (at > 0) & (at < length), distance, np.inf)

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from deeplight import brdf
 from deeplight.camera import PinholeCamera
-from deeplight.frames import turned
+from deeplight.frames import dot, turned
 from deeplight.mappings import mirror_ball
 from deeplight.sphere import SphereView
 from lab.light_stage.surfaces import SURFACES
@@ -73,9 +73,9 @@ def photographed(
         return _mirrored(scene, points, light)
     n, v = points.normals, points.views
     towards, gain = _towards(scene, n, light)
-    n_l = (n * towards).sum(-1)
+    n_l = dot(n, towards)
     lit = n_l > 0  # no surface here glows from behind
-    n_v, l_v = (n[lit] * v[lit]).sum(-1), (v[lit] * towards[lit]).sum(-1)
+    n_v, l_v = dot(n[lit], v[lit]), dot(v[lit], towards[lit])
     shown = np.zeros(len(n))
     shown[lit] = SURFACES[material](n_l[lit], n_v, l_v) * gain[lit]
     return _averaged(scene, points.inside, shown)
@@ -128,7 +128,7 @@ def _blurred(picture: np.ndarray, supersample: int) -> np.ndarray:
 def _towards(scene: Scene, normals: np.ndarray, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Direction from each point to the light, and its irradiance against that at the centre."""
     to_light = light * scene.light_distance_m - normals * scene.radius_m
-    squared = (to_light * to_light).sum(-1)
+    squared = dot(to_light, to_light)
     return to_light / np.sqrt(squared)[:, None], scene.light_distance_m**2 / squared
 
 
@@ -163,10 +163,10 @@ def _light_seen(
     scene: Scene, normals: np.ndarray, views: np.ndarray, light: np.ndarray, logarithm: bool = False
 ) -> np.ndarray:
     """Radiance of a light with soft edges in the mirrored directions; integrates to 1 sr."""
-    reflected = 2 * (normals * views).sum(-1, keepdims=True) * normals - views
+    reflected = 2 * dot(normals, views)[..., None] * normals - views
     towards, gain = _towards(scene, normals, light)
     sharpness = 1 / scene.light_radius_rad**2
-    exponent = sharpness * ((reflected * towards).sum(-1) - 1)
+    exponent = sharpness * (dot(reflected, towards) - 1)
     if logarithm:
         return exponent
     return np.exp(exponent) * gain * sharpness / (2 * np.pi)

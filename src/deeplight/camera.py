@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from deeplight.errors import ShapeError
+from deeplight.frames import normalised
 
 # The paper's camera (section 3.1): portrait 1080 x 1920 that sees about 6 % of the sphere.
 # 66 degrees is our choice of vertical field of view: it gives 40 horizontally and 6 %.
@@ -62,7 +63,7 @@ class PinholeCamera:
         x = ((np.arange(self.width) + 0.5) * (2 / self.width) - 1) * half_width
         y = (1 - (np.arange(rows or self.height) + 0.5) * (2 / self.height)) * half_height
         plane = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), -1.0)], axis=-1)
-        return plane / np.linalg.norm(plane, axis=-1, keepdims=True)
+        return normalised(plane)
 
     def pixel_of_directions(
         self, directions: Float[np.ndarray, "*n 3"]

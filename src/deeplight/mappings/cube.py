@@ -8,7 +8,7 @@ and the bottom face (-Y) at its upper edge, both with +X on the right.
 import numpy as np
 from jaxtyping import Float, Int
 
-from deeplight.frames import Directions
+from deeplight.frames import Directions, dot, normalised
 
 FACES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
@@ -32,7 +32,7 @@ def directions(size: int) -> Float[np.ndarray, "6 size size 3"]:
     right, down = np.meshgrid(along, along)
     forward, right_axis, up_axis = (_AXES[:, k, None, None, :] for k in range(3))
     vectors = forward + right[..., None] * right_axis - down[..., None] * up_axis
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return normalised(vectors)
 
 
 def solid_angles(size: int) -> Float[np.ndarray, "size size"]:
@@ -50,7 +50,5 @@ def position(
     forward = np.stack([directions @ axes[0].astype(directions.dtype) for axes in _AXES], axis=-1)
     face = forward.argmax(axis=-1)
     depth = np.take_along_axis(forward, face[..., None], axis=-1)[..., 0]
-    right, up = (
-        (directions * _AXES[face, k].astype(directions.dtype)).sum(axis=-1) / depth for k in (1, 2)
-    )
+    right, up = (dot(directions, _AXES[face, k].astype(directions.dtype)) / depth for k in (1, 2))
     return face, (1 - up) * (size / 2) - 0.5, (1 + right) * (size / 2) - 0.5
