@@ -62,7 +62,7 @@ CASES ?= 1000
 fuzz: $(VENV)/.installed-test
 	$(BIN)/python -m lab.fuzz --cases $(CASES)
 
-docs: $(VENV)/.installed-test
+docs: $(VENV)/.installed-base
 	$(PIP) install --quiet --editable ".[docs]"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 

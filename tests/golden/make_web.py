@@ -27,7 +27,7 @@ from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.results import write_results
 from deeplight.frames import normalised, turned, world_from_camera
 from deeplight.fuse import blend, gains, merge, session, view
-from deeplight.io import lighting_file, photo_decoders
+from deeplight.io import colour, lighting_file
 from deeplight.lamp import Lamp
 from deeplight.lighting import LIGHTING_SIZE, Lighting
 from deeplight.mappings import latlong, mirror_ball
@@ -70,7 +70,7 @@ def constants() -> dict[str, Any]:
         "CROP_SIZE": CROP_SIZE,
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,
         "WHOLE_VIEW": WHOLE_VIEW,
-        "MID_GREY": photo_decoders.MID_GREY,
+        "MID_GREY": colour.MID_GREY,
         "GAMMA": camera_response.GAMMA,
         "SOFT_CLIP_N": camera_response.SOFT_CLIP_N,
         "LUMINANCE": camera_response.LUMINANCE.tolist(),

@@ -21,8 +21,10 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_page_that_is_not_built_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="in a checkout run: make web"):
+    with pytest.raises(ConfigError, match=r"in a checkout run: make web$"):
         Site.installed(tmp_path)
+    with pytest.raises(ConfigError, match=r"run: make web && pip install \.$"):
+        Site.installed(tmp_path / "site-packages" / "deeplight" / "demo" / "site")
 
 
 def test_the_export_has_every_file_and_no_links(folder: Path, tmp_path: Path) -> None:

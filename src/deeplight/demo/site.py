@@ -55,6 +55,8 @@ class Site:
         folder = folder or Path(str(resources.files("deeplight") / "demo" / "site"))
         if not (folder / "index.html").is_file():
             do = "install a released wheel, or in a checkout run: make web"
+            if "site-packages" in folder.parts:  # a copy of the checkout, made without the page
+                do += " && pip install ."
             raise ConfigError("the built page", f"no {folder / 'index.html'}", do)
         files = {
             path.relative_to(folder).as_posix(): path
