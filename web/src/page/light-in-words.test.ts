@@ -33,9 +33,7 @@ describe("what is not known", () => {
     const words = { direction: known, brightness: known, colour: known } as const;
     expect(unsureOf({ ...sure, words, warnings: [] })).toBe("");
     const vague = { ...words, direction: "not known", brightness: "not known" } as const;
-    expect(unsureOf({ ...sure, words: vague, warnings: [] })).toBe(
-      "Unsure: direction and brightness of the light",
-    );
+    expect(unsureOf({ ...sure, words: vague, warnings: [] })).toBe("Unsure: direction, brightness");
   });
 
   it("is the photo's own fault first", () => {

@@ -29,5 +29,6 @@ export function unsureOf({ words, warnings }: Confidence): string {
   const vague = (["direction", "brightness", "colour"] as const).filter(
     (name) => words[name] === "not known",
   );
-  return vague.length > 0 ? `Unsure: ${vague.join(" and ")} of the light` : "";
+  if (vague.length > 1) return `Unsure: ${vague.join(", ")}`; // one line of a phone's screen
+  return vague[0] ? `Unsure: ${vague[0]} of the light` : "";
 }

@@ -16,6 +16,8 @@ const PHOTO_ROWS = 256;
 const LIVE_ROWS = 128;
 /** Between two lights of all frames: the object's light follows no faster than this. */
 const LIVE_MS = 200;
+/** And no more than this part of the time is spent on it, however much has been seen: frames come first. */
+const LIVE_SHARE = 1 / 6;
 /** A tilt that two of three times is off by less is better than the usual one. */
 const SURE_PITCH_RAD = 0.17;
 
@@ -60,6 +62,7 @@ export class Watch {
   private busy = false;
   private isAsked = false;
   private litMs = Number.NEGATIVE_INFINITY;
+  private restMs = LIVE_MS;
 
   constructor(
     readonly estimator: Estimator,
@@ -137,7 +140,7 @@ export class Watch {
     await this.estimator.loaded.catch(() => {});
     if (this.picture !== picture) return;
     const now = performance.now();
-    const rows = now - this.litMs >= LIVE_MS ? LIVE_ROWS : 0;
+    const rows = now - this.litMs >= this.restMs ? LIVE_ROWS : 0;
     const worldFromCamera = this.watcher.sensedPose();
     const evenIfSame = this.litMs === Number.NEGATIVE_INFINITY;
     const request = { worldFromCamera, start: this.watcher.startPose(), rows, evenIfSame };
@@ -153,6 +156,7 @@ export class Watch {
     this.watcher.looked({ visualPose, isNew, tookMs: preprocessMs + runMs + fuseMs });
     if (!tracked.light) return;
     this.litMs = now;
+    this.restMs = Math.max(LIVE_MS, fuseMs / LIVE_SHARE);
     const light = Light.of(tracked.light, null);
     const nothingMore = { confidence: null, isFirst: false, pitchRad: null };
     this.watcher.seen({ light, frame: "world", ...nothingMore });

@@ -1,5 +1,6 @@
 /** What the views saw, laid into one panorama at its own sharpness: blend.py. */
 import { FUSE } from "../contract/generated.ts";
+import { rememberedOf } from "./remembered-of.ts";
 import { type Cells, cellOf, feather, LINEAR, tangents, type View } from "./view.ts";
 
 const { AGREES, CELLS, CLIPPED, EDGE, REACH_PX, SHARPNESS } = FUSE;
@@ -13,15 +14,26 @@ export interface Seen {
   readonly clipped: Uint8Array;
 }
 
-/** What one view shows of the panorama. */
+/** What one view shows of the panorama, in its own exposure. */
 interface Sample {
   readonly at: Int32Array;
+  /** Of the coarse sky, where each texel lies. */
+  readonly cell: Int32Array;
   readonly values: Float32Array;
   /** One bit for each channel that clips. */
   readonly clipped: Uint8Array;
-  readonly soft: Float32Array;
+  /** How much each texel counts as seen, and among views. */
+  readonly share: Float32Array;
+  readonly weight: Float32Array;
   /** The most radiance within some pixels: what an edge or parallax may hide. */
   readonly nearby: Float32Array;
+}
+
+/** A sample with how much its view is trusted, and with what brings it to the common exposure. */
+interface Weighted {
+  readonly sample: Sample;
+  readonly weight: Float32Array;
+  readonly scale: readonly number[];
 }
 
 /**
@@ -38,32 +50,32 @@ export function blended(
   directions: Float32Array,
 ): Seen {
   const count = directions.length / 3;
-  const samples = views.map((view) => sampleOf(view, directions));
   const share = new Float32Array(count);
   const [bound, boundWeight] = [new Float32Array(3 * count), new Float32Array(3 * count)];
-  samples.forEach((sample, k) => {
+  const weighted = views.map((view, k): Weighted => {
+    const sample = sampleOf(view, directions);
+    const { at, cell, values, clipped } = sample;
     const trustOf = spread(cells[k]!, trust[k]!);
     const scale = [0, 1, 2].map((c) => Math.exp(-logGain[3 * k + c]!));
-    for (let i = 0; i < sample.at.length; i++) {
-      const at = sample.at[i]!;
-      const soft = sample.soft[i]!;
-      share[at] = Math.max(share[at]!, Math.min(soft / EDGE, 1));
-      const cell = cellOf(directions[3 * at]!, directions[3 * at + 1]!, directions[3 * at + 2]!);
-      sample.soft[i] = soft ** SHARPNESS * trustOf[cell]! + 1e-9;
+    const weight = new Float32Array(at.length);
+    for (let i = 0; i < at.length; i++) {
+      const to = at[i]!;
+      share[to] = Math.max(share[to]!, sample.share[i]!);
+      weight[i] = sample.weight[i]! * trustOf[cell[i]!]! + 1e-9;
+      if (!clipped[i]) continue;
       for (let c = 0; c < 3; c++) {
-        sample.values[3 * i + c]! *= scale[c]!;
-        sample.nearby[3 * i + c]! *= scale[c]!;
-        if (!(sample.clipped[i]! & (1 << c))) continue;
-        bound[3 * at + c] = Math.max(bound[3 * at + c]!, sample.values[3 * i + c]!);
-        boundWeight[3 * at + c]! += sample.soft[i]!;
+        if (!(clipped[i]! & (1 << c))) continue;
+        bound[3 * to + c] = Math.max(bound[3 * to + c]!, values[3 * i + c]! * scale[c]!);
+        boundWeight[3 * to + c]! += weight[i]!;
       }
     }
+    return { sample, weight, scale };
   });
-  return decided(samples, bound, boundWeight, share);
+  return decided(weighted, bound, boundWeight, share);
 }
 
 function decided(
-  samples: readonly Sample[],
+  samples: readonly Weighted[],
   bound: Float32Array,
   boundWeight: Float32Array,
   share: Float32Array,
@@ -71,15 +83,22 @@ function decided(
   const size = bound.length;
   const [above, aboveWeight] = [new Float32Array(size), new Float32Array(size)];
   const [below, belowWeight] = [new Float32Array(size), new Float32Array(size)];
-  for (const { at, values, clipped, soft, nearby } of samples) {
-    for (let i = 0; i < 3 * at.length; i++) {
-      const [texel, c] = [Math.floor(i / 3), i % 3];
-      if (clipped[texel]! & (1 << c)) continue;
-      const to = 3 * at[texel]! + c;
-      const weight = soft[texel]!;
-      const agrees = nearby[i]! > AGREES * bound[to]!;
-      (agrees ? above : below)[to]! += weight * values[i]!;
-      (agrees ? aboveWeight : belowWeight)[to]! += weight;
+  for (const { sample, weight, scale } of samples) {
+    const { at, values, clipped, nearby } = sample;
+    for (let i = 0; i < at.length; i++) {
+      const [own, bits] = [weight[i]!, clipped[i]!];
+      for (let c = 0; c < 3; c++) {
+        if (bits & (1 << c)) continue;
+        const [from, to] = [3 * i + c, 3 * at[i]! + c];
+        const value = own * values[from]! * scale[c]!;
+        if (nearby[from]! * scale[c]! > AGREES * bound[to]!) {
+          above[to]! += value;
+          aboveWeight[to]! += own;
+        } else {
+          below[to]! += value;
+          belowWeight[to]! += own;
+        }
+      }
     }
   }
   const radiance = new Float32Array(size);
@@ -102,7 +121,10 @@ function spread({ cell }: Cells, trust: Float32Array): Float32Array {
   return all;
 }
 
-function sampleOf(view: View, directions: Float32Array): Sample {
+/** A view shows the same of the same directions, whatever becomes of its exposure. */
+const sampleOf = rememberedOf(sampled);
+
+function sampled(view: View, directions: Float32Array): Sample {
   const { width, height, worldFromCamera: m } = view;
   const [halfWidth, halfHeight] = tangents(view);
   const nearest = 1 / Math.hypot(1, halfWidth, halfHeight);
@@ -119,37 +141,44 @@ function sampleOf(view: View, directions: Float32Array): Sample {
     at.push(i / 3);
     place.push((1 - up) * (height / 2) - 0.5, (right + 1) * (width / 2) - 0.5);
   }
-  return interpolated(view, Int32Array.from(at), place);
+  const cell = Int32Array.from(at, (i) => {
+    return cellOf(directions[3 * i]!, directions[3 * i + 1]!, directions[3 * i + 2]!);
+  });
+  return { at: Int32Array.from(at), cell, ...interpolated(view, place) };
 }
 
-function interpolated(view: View, at: Int32Array, place: readonly number[]): Sample {
+function interpolated(view: View, place: readonly number[]): Omit<Sample, "at" | "cell"> {
   const { pixels, width, height } = view;
   const soft = feather(height, width);
   const greatest = greatestOf(view);
   const last = width * height - 1;
+  const count = place.length / 2;
   const sample = {
-    at,
-    values: new Float32Array(3 * at.length),
-    clipped: new Uint8Array(at.length),
-    soft: new Float32Array(at.length),
-    nearby: new Float32Array(3 * at.length),
+    values: new Float32Array(3 * count),
+    clipped: new Uint8Array(count),
+    share: new Float32Array(count),
+    weight: new Float32Array(count),
+    nearby: new Float32Array(3 * count),
   };
-  for (let i = 0; i < at.length; i++) {
+  for (let i = 0; i < count; i++) {
     const row = Math.min(Math.max(place[2 * i]!, 0), height - 1.001);
     const column = Math.min(Math.max(place[2 * i + 1]!, 0), width - 1.001);
     const [top, left] = [Math.floor(row), Math.floor(column)];
     const [down, right] = [row - top, column - left];
     const index = top * width + left;
+    let feathered = 0;
     for (let k = 0; k < 4; k++) {
       const part = (k & 2 ? down : 1 - down) * (k & 1 ? right : 1 - right);
       const tap = Math.min(index + (k & 2 ? width : 0) + (k & 1), last);
-      sample.soft[i]! += soft[tap]! * part;
+      feathered += soft[tap]! * part;
       for (let c = 0; c < 3; c++) {
         const value = pixels[3 * tap + c]!;
         sample.values[3 * i + c]! += LINEAR[value]! * part;
         if (value >= CLIPPED) sample.clipped[i]! |= 1 << c;
       }
     }
+    sample.share[i] = Math.min(feathered / EDGE, 1);
+    sample.weight[i] = feathered ** SHARPNESS;
     for (let c = 0; c < 3; c++) sample.nearby[3 * i + c] = LINEAR[greatest[3 * index + c]!]!;
   }
   return sample;

@@ -6,11 +6,12 @@ import { FUSE } from "../contract/generated.ts";
 import type { Environment } from "../light/environment.ts";
 import { luminous } from "../light/lamp.ts";
 import { luminance } from "../light/main-light.ts";
-import type { Matrix3x3, Vector3 } from "../light/matrix.ts";
+import { IDENTITY, type Matrix3x3, type Vector3 } from "../light/matrix.ts";
 import { nearestLit, uvFromDirection } from "../light/mirror-ball.ts";
 import { enlarged, powerOf, rowSolidAngles, shrunk, texelDirections } from "../light/panorama.ts";
 import { remembered } from "../light/remembered.ts";
 import { blended, type Seen } from "./blend.ts";
+import { rememberedOf } from "./remembered-of.ts";
 import type { Cells, View } from "./view.ts";
 import { logPower } from "./view.ts";
 
@@ -34,10 +35,10 @@ export function environmentOf(
   height: number,
 ): Environment {
   const { views, cells, logGain, trust } = from;
-  const directions = turnedAll(texelDirections(height), worldFromFrame);
+  const directions = directionsOf(height, worldFromFrame);
   const seen = blended(views, cells, logGain, trust, directions);
   const rows = Math.min(ESTIMATE_ROWS, height);
-  const coarse = turnedAll(texelDirections(rows), worldFromFrame);
+  const coarse = directionsOf(rows, worldFromFrame);
   const small = merged(views, logGain, coarse);
   const [logs, mean] = [small.logs, small.mean].map((part) => enlarged(part, rows, height));
   const radiance = logs!.map((value, i) => {
@@ -57,27 +58,15 @@ export function merged(views: readonly View[], logGain: Float64Array, directions
   const count = directions.length / 3;
   const [logs, mean] = [new Float32Array(3 * count), new Float32Array(3 * count)];
   const weight = new Float32Array(count);
-  const value: [number, number, number] = [0, 0, 0];
-  views.forEach(({ logEstimate, worldFromCamera: m }, k) => {
-    const [red, green, blue] = [logGain[3 * k]!, logGain[3 * k + 1]!, logGain[3 * k + 2]!];
-    for (let i = 0; i < count; i++) {
-      const x = directions[3 * i]!;
-      const y = directions[3 * i + 1]!;
-      const z = directions[3 * i + 2]!;
-      const back = m[2] * x + m[5] * y + m[8] * z;
-      onBall(
-        logEstimate,
-        [m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, back],
-        value,
-      );
-      value[0] -= red;
-      value[1] -= green;
-      value[2] -= blue;
-      const near = Math.exp(NEAR * (-back - 1));
-      weight[i]! += near;
-      for (let c = 0; c < 3; c++) {
-        logs[3 * i + c]! += near * value[c]!;
-        mean[3 * i + c]! += Math.exp(value[c]!);
+  views.forEach((view, k) => {
+    const { near, log, linear } = spokenOf(view, directions);
+    const gain = logGain.subarray(3 * k, 3 * k + 3);
+    const scale = gain.map((value) => Math.exp(-value));
+    for (let i = 0, at = 0; i < count; i++) {
+      weight[i]! += near[i]!;
+      for (let c = 0; c < 3; c++, at++) {
+        logs[at]! += near[i]! * (log[at]! - gain[c]!);
+        mean[at]! += linear[at]! * scale[c]!;
       }
     }
   });
@@ -87,6 +76,36 @@ export function merged(views: readonly View[], logGain: Float64Array, directions
   }
   return { logs, mean };
 }
+
+/** What a view's estimate says along directions, and how much that counts there. */
+interface Spoken {
+  readonly near: Float32Array;
+  /** RGB: ln radiance, and radiance. */
+  readonly log: Float32Array;
+  readonly linear: Float32Array;
+}
+
+const spokenOf = rememberedOf((view, directions): Spoken => {
+  const { logEstimate, worldFromCamera: m } = view;
+  const count = directions.length / 3;
+  const near = new Float32Array(count);
+  const [log, linear] = [new Float32Array(3 * count), new Float32Array(3 * count)];
+  const value: [number, number, number] = [0, 0, 0];
+  for (let i = 0; i < count; i++) {
+    const x = directions[3 * i]!;
+    const y = directions[3 * i + 1]!;
+    const z = directions[3 * i + 2]!;
+    const back = m[2] * x + m[5] * y + m[8] * z;
+    const [right, up] = [m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z];
+    onBall(logEstimate, [right, up, back], value);
+    near[i] = Math.exp(NEAR * (-back - 1));
+    for (const c of [0, 1, 2] as const) {
+      log[3 * i + c] = value[c];
+      linear[3 * i + c] = Math.exp(value[c]);
+    }
+  }
+  return { near, log, linear };
+});
 
 /** Value of a mirror ball in a direction, bilinear; pixels off the disc are not looked at. */
 function onBall(ball: Float32Array, direction: Vector3, into: [number, number, number]): void {
@@ -155,10 +174,8 @@ function brightest(power: Float32Array, height: number): Vector3 {
     for (let column = 0; column < columns; column++) {
       let sum = 0;
       for (let other = 0, i = 0; other < rows; other++) {
-        const line = (row * rows + other) * columns;
-        for (let k = 0; k < columns; k++, i++) {
-          sum += near[line + ((k - column + columns) % columns)]! * bright[i]!;
-        }
+        const line = (2 * (row * rows + other) + 1) * columns - column;
+        for (let k = 0; k < columns; k++, i++) sum += near[line + k]! * bright[i]!;
       }
       if (sum > most) [best, most] = [row * columns + column, sum];
     }
@@ -167,13 +184,14 @@ function brightest(power: Float32Array, height: number): Vector3 {
   return [x!, y!, z!];
 }
 
-/** e^(kappa (cos - 1)) between texels of two rows a number of columns apart. */
+/** e^(kappa (cos - 1)) between texels of two rows a number of columns apart, twice around. */
 const nearness = remembered((rows: number): Float32Array => {
   const columns = 2 * rows;
   const directions = texelDirections(rows);
   const at = (row: number, column: number) => 3 * (row * columns + column);
-  return Float32Array.from({ length: rows * rows * columns }, (_, i) => {
-    const [a, b] = [Math.floor(i / columns / rows), Math.floor(i / columns) % rows];
+  return Float32Array.from({ length: 2 * rows * rows * columns }, (_, i) => {
+    const pair = Math.floor(i / columns / 2);
+    const [a, b] = [Math.floor(pair / rows), pair % rows];
     const [one, other] = [at(a, 0), at(b, i % columns)];
     let cosine = 0;
     for (let c = 0; c < 3; c++) cosine += directions[one + c]! * directions[other + c]!;
@@ -264,6 +282,13 @@ export function likelyFactor(bound: number, rest: number, whole: number, usual: 
     if (cost < least) [best, least] = [log, cost];
   }
   return Math.exp(best);
+}
+
+/** The directions of a panorama's texels, world; of one that is not turned always the same object. */
+function directionsOf(height: number, worldFromFrame: Matrix3x3): Float32Array {
+  const straight = texelDirections(height);
+  const isTurned = worldFromFrame.some((value, i) => value !== IDENTITY[i]);
+  return isTurned ? turnedAll(straight, worldFromFrame) : straight;
 }
 
 function turnedAll(directions: Float32Array, m: Matrix3x3): Float32Array {

@@ -135,7 +135,8 @@ function summed(view: View): Sums {
         m[6] * right + m[7] * up - m[8],
       );
       if (count[cell]!++ === 0) touched.push(cell);
-      covered[cell]! += area * (1 + right * right + up * up) ** -1.5;
+      const squared = 1 + right * right + up * up;
+      covered[cell]! += area / (squared * Math.sqrt(squared));
       trust[cell]! += soft[i]!;
       for (let c = 0; c < 3; c++) {
         const value = pixels[3 * i + c]!;

@@ -6,6 +6,7 @@
  * picture stays where it is, so errors do not add up from frame to frame.
  */
 import { angleBetween, IDENTITY, type Matrix3x3, product, transposed } from "../light/matrix.ts";
+import { remembered } from "../light/remembered.ts";
 import { solved } from "./solve.ts";
 import { type SmallPicture, tangents, type View } from "./view.ts";
 
@@ -182,17 +183,19 @@ interface Laid {
 }
 
 function laidOver(key: Pyramid, other: Pyramid, level: number, turn: Matrix3x3): Laid {
-  const { values } = key.levels[level]!;
-  let [count, a, b, aa, bb, ab] = [0, 0, 0, 0, 0, 0];
-  eachShared(key, other, level, turn, (pixel, value) => {
-    const own = values[pixel]!;
-    count++;
+  return likenessOf(key.levels[level]!, sharedBy(key, other, level, turn));
+}
+
+function likenessOf({ values }: Grey, { count, pixel, value }: Shared): Laid {
+  let [a, b, aa, bb, ab] = [0, 0, 0, 0, 0];
+  for (let i = 0; i < count; i++) {
+    const [own, theirs] = [values[pixel[i]!]!, value[i]!];
     a += own;
-    b += value;
+    b += theirs;
     aa += own * own;
-    bb += value * value;
-    ab += own * value;
-  });
+    bb += theirs * theirs;
+    ab += own * theirs;
+  }
   const means = [a / count, b / count] as const;
   const deviations = [
     Math.sqrt(Math.max(aa / count - means[0] ** 2, 1e-9)),
@@ -209,14 +212,17 @@ function improvement(
   level: number,
   turn: Matrix3x3,
 ): [number, number, number] | null {
-  const { shared, means, deviations } = laidOver(key, other, level, turn);
+  const both = sharedBy(key, other, level, turn);
+  const { shared, means, deviations } = likenessOf(key.levels[level]!, both);
   if (shared < LEAST_SHARED) return null;
   const { values } = key.levels[level]!;
   const matrix = new Float64Array(9);
   const right = new Float64Array(3);
-  const slope = [0, 0, 0];
-  eachShared(key, other, level, turn, (pixel, value, x, y, alongX, alongY) => {
-    const rest = (value - means[1]) / deviations[1] - (values[pixel]! - means[0]) / deviations[0];
+  const slope = new Float64Array(3);
+  for (let k = 0; k < both.count; k++) {
+    const [x, y, alongX, alongY] = [both.x[k]!, both.y[k]!, both.alongX[k]!, both.alongY[k]!];
+    const own = values[both.pixel[k]!]!;
+    const rest = (both.value[k]! - means[1]) / deviations[1] - (own - means[0]) / deviations[0];
     // The direction (x, y, -1) turned by w moves by w x d; on the plane:
     slope[0] = (x * y * alongX + (1 + y * y) * alongY) / deviations[1];
     slope[1] = (-(1 + x * x) * alongX - x * y * alongY) / deviations[1];
@@ -226,7 +232,7 @@ function improvement(
       right[i]! -= weight * slope[i]! * rest;
       for (let j = 0; j < 3; j++) matrix[3 * i + j]! += weight * slope[i]! * slope[j]!;
     }
-  });
+  }
   for (let i = 0; i < 3; i++) matrix[4 * i]! = matrix[4 * i]! * 1.001 + 1e-6;
   const [x, y, z] = solved(matrix, right);
   const size = Math.hypot(x!, y!, z!);
@@ -234,24 +240,31 @@ function improvement(
   return [x! * most, y! * most, z! * most];
 }
 
-/** Calls `found` with each key pixel that the other picture shows: its value there, place and slopes. */
-function eachShared(
-  key: Pyramid,
-  other: Pyramid,
-  level: number,
-  m: Matrix3x3,
-  found: (
-    pixel: number,
-    value: number,
-    x: number,
-    y: number,
-    alongX: number,
-    alongY: number,
-  ) => void,
-): void {
+/** The key pixels that the other picture shows: its value there, place and slopes; `count` of each. */
+interface Shared {
+  count: number;
+  readonly pixel: Int32Array;
+  readonly value: Float64Array;
+  readonly x: Float64Array;
+  readonly y: Float64Array;
+  readonly alongX: Float64Array;
+  readonly alongY: Float64Array;
+}
+
+/** Room for a size of picture, used again and again: a film compares dozens of times for each frame. */
+const roomFor = remembered((pixels: number): Shared => {
+  const [value, x, y, alongX, alongY] = [1, 2, 3, 4, 5].map(() => new Float64Array(pixels));
+  const places = { x: x!, y: y!, alongX: alongX!, alongY: alongY! };
+  return { count: 0, pixel: new Int32Array(pixels), value: value!, ...places };
+});
+
+/** What two pictures share; what an earlier call gave is written over. */
+function sharedBy(key: Pyramid, other: Pyramid, level: number, m: Matrix3x3): Shared {
   const { width, height } = key.levels[level]!;
   const { halfWidth, halfHeight } = other;
   const { width: columns, height: rows, values } = other.levels[level]!;
+  const shared = roomFor(width * height);
+  let count = 0;
   for (let row = 0, pixel = 0; row < height; row++) {
     const up = (1 - (row + 0.5) * (2 / height)) * key.halfHeight;
     for (let column = 0; column < width; column++, pixel++) {
@@ -268,13 +281,18 @@ function eachShared(
       const at = top * columns + left;
       const [p, q] = [values[at]!, values[at + 1]!];
       const [s, t] = [values[at + columns]!, values[at + columns + 1]!];
-      const value =
+      shared.pixel[count] = pixel;
+      shared.value[count] =
         (p * (1 - right) + q * right) * (1 - down) + (s * (1 - right) + t * right) * down;
-      const alongX = ((q - p) * (1 - down) + (t - s) * down) * (columns / 2 / halfWidth);
-      const alongY = -((s - p) * (1 - right) + (t - q) * right) * (rows / 2 / halfHeight);
-      found(pixel, value, x, y, alongX, alongY);
+      shared.x[count] = x;
+      shared.y[count] = y;
+      shared.alongX[count] = ((q - p) * (1 - down) + (t - s) * down) * (columns / 2 / halfWidth);
+      shared.alongY[count] = -((s - p) * (1 - right) + (t - q) * right) * (rows / 2 / halfHeight);
+      count++;
     }
   }
+  shared.count = count;
+  return shared;
 }
 
 /** The same rotation with rows of length 1 at right angles: rounding would grow from frame to frame. */

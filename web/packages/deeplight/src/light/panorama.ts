@@ -32,7 +32,9 @@ export function positionOf(x: number, y: number, z: number, height: number): [nu
 
 /** Index of the texel that a direction falls into. */
 export function texelOf(x: number, y: number, z: number, height: number): number {
-  const [row, column] = positionOf(x, y, z, height);
+  // As `positionOf`, without an array for each of many pixels.
+  const row = Math.atan2(Math.sqrt(x * x + z * z), y) * (height / Math.PI) - 0.5;
+  const column = (Math.atan2(x, -z) + Math.PI) * (height / Math.PI) - 0.5;
   const at = Math.min(Math.max(Math.round(row), 0), height - 1);
   return at * 2 * height + (Math.round(column) % (2 * height));
 }
