@@ -26,7 +26,7 @@ from deeplight.io.photos import write_png
 from deeplight.io.radiance import write_exr
 from deeplight.io.video_writer import VideoWriter
 from deeplight.lighting import Lighting
-from deeplight.mappings import resample
+from deeplight.mappings import latlong, resample
 from deeplight.simulate.panorama import Place, load, places_in
 from deeplight.simulate.phone import (
     PHONES,
@@ -41,6 +41,7 @@ from deeplight.simulate.phone import (
 from deeplight.simulate.vary import stepped
 
 DEPTH_M = 3.0  # of the walls, where the camera moves: a step of 0.3 m is a tenth of it
+BOX_M = ((-2.0, -1.5, -3.0), (3.0, 1.3, 4.0))  # corners of a room with the camera at 0
 _BLUR_STEPS = 5
 _SENSOR_PIXELS = 9  # averaged into each pixel of a small frame
 
@@ -54,6 +55,7 @@ class Troubles:
         exposure: share of the automatics' way from the first frame's setting to each frame's own.
         people: number of people walking through.
         step_m: how far the camera strays from where it started.
+        room: what the panorama is painted on then: a sphere of `DEPTH_M`, or a box, `BOX_M`.
         blur_rad: how far the camera turns while the shutter is open.
         dropped: share of frames that are missing.
         response: False takes the phone's tone curve, tint, vignetting and noise away.
@@ -63,6 +65,7 @@ class Troubles:
     exposure: float = 1.0
     people: int = 0
     step_m: float = 0.0
+    room: Literal["round", "box"] = "round"
     blur_rad: float = 0.0
     dropped: float = 0.0
     response: bool = True
@@ -152,7 +155,9 @@ def film_pan(
     setting: Setting | None = None
     frames = []
     for k in kept:
-        place = panorama if not steps[k].any() else stepped(panorama, steps[k])
+        place = panorama
+        if steps[k].any():
+            place = {"round": stepped, "box": stepped_in_box}[troubles.room](panorama, steps[k])
         seen = _exposed(place, camera, poses[k], troubles.blur_rad)
         for person in people:
             seen = person.standing_in(seen, camera, poses[k], k, float(np.median(panorama)))
@@ -186,6 +191,19 @@ def _strayed(frames: int, reach: float, rng: np.random.Generator) -> Float[np.nd
     along = np.arange(frames)[:, None] / max(frames, 1) * 2 * np.pi
     way = np.sin(along * speed + phase) - np.sin(phase)
     return way * (reach / max(float(np.linalg.norm(way, axis=1).max()), 1e-9))
+
+
+def stepped_in_box(
+    panorama: Float[np.ndarray, "height width 3"], step: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "height width 3"]:
+    """The view from `step` (in units of `DEPTH_M`) away, of a box that wears the panorama."""
+    low, high = (np.array(corner, np.float32) / np.float32(DEPTH_M) for corner in BOX_M)
+    directions = latlong.directions(*panorama.shape[:2]).astype(np.float32)
+    start = step.astype(np.float32)
+    with np.errstate(divide="ignore"):  # along a wall: it is never met
+        reach = np.where(directions > 0, high - start, start - low) / np.abs(directions)
+    met = start + reach.min(axis=-1, keepdims=True) * directions
+    return resample.sample_latlong(panorama.astype(np.float32), met)
 
 
 def _exposed(

@@ -226,11 +226,9 @@ def _oracle(case: Case, session: Session, found: Environment) -> Lighting:
 
 def turn_table(cases: Sequence[Case]) -> None:
     """How steady the light is in the world while one turns twice, exposure taken out."""
-    print(
-        "| over a turn | brightest / darkest | grey ball swings | main light wanders, per 60° ",
-        end="",
-    )
-    print("| power off at the start | and at the end |\n|---|---|---|---|---|---|")
+    print("| over a turn | brightest / darkest | last / first | grey ball swings ", end="")
+    print("| main light wanders, per 60° | power off at the start | and at the end |")
+    print("|---|---|---|---|---|---|---|")
     kinds: dict[str, list[list[float]]] = {}
     for case in cases:
         ring = SETS["a turn"]
@@ -239,20 +237,38 @@ def turn_table(cases: Sequence[Case]) -> None:
         for k, gain in zip(ring, gains, strict=True):
             ball = Lighting((np.exp(case.estimates[k] - gain)).astype(np.float32))
             own.append(ball.rotated(case.pan.frames[k].rotation))
-        kinds.setdefault("each frame's own estimate", []).append(_steadiness(own, case.truth))
-        session = case.session([])
-        lights = []
-        for k in (*ring, *ring):
-            session.add(case.pan.frames[k].pixels, case.pan.frames[k].rotation, case.estimates[k])
-            lights.append(session.environment(np.eye(3), height=64).lighting)
-        halves = {"first": lights[: len(ring)], "second": lights[len(ring) :]}
-        for name, half in halves.items():
-            kinds.setdefault(f"fused so far, {name} turn", []).append(_steadiness(half, case.truth))
+        first, steady, known, second = _two_turns(case, ring)
+        for name, lights in (
+            ("each frame's own estimate", own),
+            ("fused so far, first turn", first),
+            ("the same, shown steadily", steady),
+            ("the same, not steadily, with the truth wherever one looked", known),
+            ("fused so far, second turn", second),
+        ):
+            kinds.setdefault(name, []).append(_steadiness(lights, case.truth))
     for name, rows in kinds.items():
-        ratio, swing, wander, start, end = np.median(np.array(rows), axis=0)
-        print(f"| {name} | {ratio:.2f} | {swing:.0f} levels | {wander:.0f}° ", end="")
+        ratio, ends, swing, wander, start, end = np.median(np.array(rows), axis=0)
+        print(f"| {name} | {ratio:.2f} | {ends:.2f} | {swing:.0f} levels | {wander:.0f}° ", end="")
         print(f"| {start:.2f} x | {end:.2f} x |")
     print()
+
+
+def _two_turns(case: Case, ring: Sequence[int]) -> tuple[list[Lighting], ...]:
+    """In the world: the first turn as fused, shown steadily, and with the truth where it looked;
+    the second as fused."""
+    session = case.session([])
+    true = resample.shrink_latlong(case.pan.panorama * np.exp(case.pan.frames[0].log_gain), 64)
+    plain, steady, known = [], [], []
+    for k in (*ring, *ring):
+        session.add(case.pan.frames[k].pixels, case.pan.frames[k].rotation, case.estimates[k])
+        found = session.environment(np.eye(3), height=64)
+        plain.append(found.lighting)
+        if len(plain) > len(ring) or found.seen is None:
+            continue
+        steady.append(session.environment(np.eye(3), height=64, steady=True).lighting)
+        radiance = found.radiance + found.seen[..., None] * (true - found.radiance)
+        known.append(Lighting.from_latlong(radiance.astype(np.float32)))
+    return plain[: len(ring)], steady, known, plain[len(ring) :]
 
 
 def _steadiness(lights: Sequence[Lighting], truth: Lighting) -> list[float]:
@@ -263,9 +279,11 @@ def _steadiness(lights: Sequence[Lighting], truth: Lighting) -> list[float]:
     steps = np.degrees(np.arccos(np.clip((found[1:] * found[:-1]).sum(1), -1, 1)))
     basis, mask = rig_bases(PAPER_RIG)["diffuse"], PAPER_RIG.views["diffuse"].mask()
     grey = [float(encode(soft_clip(relight(basis, light)))[mask].mean()) for light in lights]
+    ends = float(np.exp(abs(np.log(power[-1] / power[0]))))
     off = np.exp(np.abs(np.log(power[[0, -1]] / true)))
     wander = float(np.nanmean(steps)) * 2  # a step is 30 degrees
-    return [float(power.max() / power.min()), 255 * float(np.ptp(grey)), wander, *off.tolist()]
+    swing = 255 * float(np.ptp(grey))
+    return [float(power.max() / power.min()), ends, swing, wander, *off.tolist()]
 
 
 def rotation_table(panoramas: Sequence[np.ndarray]) -> None:
@@ -275,6 +293,7 @@ def rotation_table(panoramas: Sequence[np.ndarray]) -> None:
         ("hand shake, a person", USUAL),
         ("and 5 cm of translation", replace(USUAL, step_m=0.05)),
         ("and 30 cm of translation", replace(USUAL, step_m=0.3)),
+        ("the same in a box of a room", replace(USUAL, step_m=0.3, room="box")),
     ):
         errors, fovs, placed, count = [], [], 0, 0
         for panorama in panoramas:

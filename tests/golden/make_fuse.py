@@ -30,6 +30,8 @@ FACTORS = (
     (0.01, 3.0, 40.0, 10.0),
 )
 """Powers of what clips, of the rest and of the whole, and the usual factor."""
+STEADY_ESTIMATES = (5, -5, 20, 0)
+"""Estimates that the frames get in turn, so that what is believed moves up and down."""
 BRIGHTER = 70
 """Levels by which the frames of the second light are brighter: there, much of the sky clips."""
 
@@ -87,8 +89,22 @@ def golden() -> dict[str, Any]:
         "environment": np.round(found.radiance, 5).tolist(),
         "seen": np.round(found.seen, 5).tolist(),
         "environment_that_clips": np.round(bright.environment(height=ROWS).radiance, 5).tolist(),
+        "steady_estimates": STEADY_ESTIMATES,
+        "steady_environments": steady_environments(),
         "likely_factors": [[*f, round(likely_factor(*f), 6)] for f in FACTORS],
     }
+
+
+def steady_environments() -> list[Any]:
+    """What is shown after each frame, in its camera and white."""
+    session = Session(FOV_RAD, lambda _: estimate(0))
+    shown = []
+    for number, (pose, own) in enumerate(zip(POSES, STEADY_ESTIMATES, strict=True)):
+        turn = world_from_camera(*pose)
+        added = session.add(frame(number), turn, estimate(own))
+        light = session.environment(turn, added.log_gain, ROWS // 2, steady=True)
+        shown.append(np.round(light.radiance, 5).tolist())
+    return shown
 
 
 def _sampled(logs: np.ndarray, weights: np.ndarray) -> list[dict[str, Any]]:

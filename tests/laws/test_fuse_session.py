@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeplight.camera_response import LUMINANCE
+from deeplight.environment import Environment
 from deeplight.errors import ConfigError, InputError, ShapeError
 from deeplight.frames import rotation, world_from_camera
-from deeplight.fuse.merge import likely_factor, usual_factor
-from deeplight.fuse.session import CHANGED, PATIENCE, Session
+from deeplight.fuse.merge import ENOUGH_SEEN, likely_factor, share_of, usual_factor
+from deeplight.fuse.session import CHANGED, PATIENCE, ROOM, Session
 from deeplight.mappings import latlong, mirror_ball, resample
 from lab.pans import Pan, Sweep, Troubles, film_pan
 
@@ -172,6 +174,50 @@ def test_the_unit_is_the_frame_asked_for() -> None:
     first, other = (session.environment(log_gain=g, height=32) for g in (None, session.gains[4]))
     ratio = other.radiance / first.radiance
     np.testing.assert_allclose(np.log(ratio).mean((0, 1)), session.gains[4], atol=0.05)
+
+
+@lru_cache
+def turning() -> list[tuple[Environment, Environment, np.ndarray]]:
+    """Shown while one turns, steadily and not, each in its frame's white, and that white; the
+    estimates are too bright and too dark by turns."""
+    session = Session(pan().camera.vertical_fov_rad, lambda _: GREY)
+    shown = []
+    for k, frame in enumerate(pan().frames[:6]):
+        change = frame.log_gain - pan().frames[0].log_gain + 0.8 * (-1) ** k
+        gain = session.add(frame.pixels, frame.rotation, GREY + change.astype(np.float32)).log_gain
+        steady, plain = (
+            session.environment(frame.rotation, gain, 16, steady=steady) for steady in (True, False)
+        )
+        shown.append((steady, plain, gain))
+    return shown
+
+
+def log_powers(which: int) -> np.ndarray:
+    weight = latlong.solid_angles(16, 32)
+    powers = [
+        np.einsum("hwc,hw,c->", shown[which].radiance * np.exp(-shown[2]), weight, LUMINANCE)
+        for shown in turning()
+    ]
+    return np.log(powers)
+
+
+def test_a_steady_light_moves_less_and_is_never_far_from_what_is_believed() -> None:
+    steady, plain = (log_powers(which) for which in (0, 1))
+    moves = [float(np.abs(np.diff(logs)).sum()) for logs in (steady, plain)]
+    assert moves[0] < 0.7 * moves[1]
+    seen = np.array([share_of(own.seen) for _, own, _ in turning() if own.seen is not None])
+    room = ROOM * np.maximum(0, 1 - seen / ENOUGH_SEEN)
+    assert len(seen) == len(room) == 6
+    assert (np.abs(steady - plain) < room + 1e-3).all()
+    assert np.abs(steady - plain).max() > 0.1  # the law above would see more room than there is
+
+
+def test_a_steady_light_leaves_what_was_seen_alone() -> None:
+    steady, plain, _ = turning()[3]
+    assert steady.seen is not None
+    known = steady.seen == 1
+    np.testing.assert_allclose(steady.radiance[known], plain.radiance[known], rtol=1e-5)
+    assert np.abs(np.log(steady.radiance / plain.radiance))[steady.seen == 0].max() > 0.05
 
 
 def test_more_is_seen_with_each_view() -> None:

@@ -7,8 +7,9 @@ import pytest
 
 from deeplight.camera_response import decode
 from deeplight.frames import turned
+from deeplight.mappings import latlong
 from deeplight.mappings.resample import sample_latlong
-from lab.pans import Pan, Sweep, Troubles, film_pan
+from lab.pans import Pan, Sweep, Troubles, film_pan, stepped_in_box
 
 pytestmark = pytest.mark.needs("cv2")
 
@@ -54,6 +55,18 @@ def test_the_seed_decides_everything() -> None:
     one, same, other = (pan(Troubles(people=1, step_m=0.2), seed) for seed in (1, 1, 2))
     assert all((a.pixels == b.pixels).all() for a, b in zip(one.frames, same.frames, strict=True))
     assert not np.array_equal(one.frames[0].pixels, other.frames[0].pixels)
+
+
+def test_in_a_box_what_is_near_moves_more_than_what_is_far() -> None:
+    step = np.array([0.0, 0.0, -0.1])  # past the walls on the left, 2 m away, and right, 3 m
+    columns = latlong.directions(64, 128)
+    moved = stepped_in_box(columns, step)
+    shift = np.degrees(np.arccos(np.clip((moved * columns).sum(-1), -1, 1)))
+    left, right, ahead = (shift[32, k] for k in (32, 96, 64))
+    assert columns[32, 32, 0] < -0.99 < 0.99 < columns[32, 96, 0]
+    assert left == pytest.approx(np.degrees(np.arctan(0.3 / 2)), abs=0.5)
+    assert right == pytest.approx(np.degrees(np.arctan(0.3 / 3)), abs=0.5)
+    assert ahead < 1.5
 
 
 def test_brackets_differ_by_their_stops() -> None:

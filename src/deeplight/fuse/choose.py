@@ -14,7 +14,7 @@ from jaxtyping import Float, UInt8
 
 from deeplight.io.video import VideoFrame
 
-MOVED, ENOUGH = 0.07, 0.14
+MOVED, ENOUGH = 0.1, 0.2
 """Of the picture's shorter side: between these the sharpest frame is kept."""
 LEAST_STEP_S = 1 / 16
 """Frames nearer in time than this show the same: one of them is looked at."""

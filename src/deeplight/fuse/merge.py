@@ -12,7 +12,7 @@ clips in one; a lamp in all) and where the estimates are bright, too, in the est
 docs/fuse.md has the measurements behind each choice.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -33,6 +33,8 @@ _CLIPPED_LOG, _CLIPPED_SCALE = 1.4, 0.5  # ln of the factor by which clipped par
 _CLIPPED_HIGH_LOG = 2.3  # the same of what is overhead: lamps and the sun, not windows
 _HIGH_FROM, _HIGH_TO = 0.3, 0.6  # sine of the elevation between which one becomes the other
 _LOG_STEP, _LOG_STEPS = 0.025, 400
+ENOUGH_SEEN = 0.5
+"""Share of the sphere from which on the brightness is believed to be what it is."""
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
 _LOBE_KAPPA = 250.0  # of the lobe of lost power: 5 degrees, a lamp and no glow
 _FIND_KAPPA = 12.0  # width in which the brightest place is looked for
@@ -40,6 +42,9 @@ _FIND_ROWS = 32
 
 Panorama = Float32[np.ndarray, "height width 3"]
 Gains = Float[np.ndarray, "views 3"]
+Shade = Callable[[Float[np.ndarray, "3"], Float[np.ndarray, "3"], float], float]
+"""Says by what factor to change the light that is only believed, given the power that is known, the
+power that is believed (both summed over all directions, RGB) and the share seen."""
 
 
 def log_power(view: View) -> Float[np.ndarray, "3"]:
@@ -54,6 +59,7 @@ def environment_of(
     trust: Float[np.ndarray, "views cells"],
     world_from_frame: Rotation,
     height: int,
+    shade: Shade | None = None,
 ) -> Environment:
     """One light out of all views.
 
@@ -63,6 +69,7 @@ def environment_of(
         trust: of each view in each coarse cell of the world.
         world_from_frame: the frame wanted.
         height: rows of the panorama.
+        shade: what to change of the brightness of what is unseen or clips; left out, nothing.
     """
     directions = latlong.directions(height, 2 * height)
     seen = blended(views, log_gain, trust, turned(directions, world_from_frame))
@@ -77,6 +84,8 @@ def environment_of(
     if seen.clipped.any():
         up = up_of(views) @ world_from_frame
         radiance = _with_lamps(radiance, mean, seen, expected_power(views, log_gain), up)
+    if shade is not None:
+        radiance = _shaded(radiance, seen, shade)
     return Environment(radiance, np.clip(seen.share, 0, 1))
 
 
@@ -117,6 +126,22 @@ def ball_at(
             row_at, column_at = (top + dr).clip(0, size - 1), (left + dc).clip(0, size - 1)
             result += flat[row_at * size + column_at] * (across * along)[:, None]
     return result
+
+
+def share_of(part: Float32[np.ndarray, "h w"]) -> float:
+    """Mean over all directions."""
+    height = len(part)
+    return float((part * latlong.solid_angles(height, 2 * height)).sum() / (4 * np.pi))
+
+
+def _shaded(radiance: Panorama, seen: Seen, shade: Shade) -> Panorama:
+    """The light with what is unseen or clips brighter or darker; seen pixels stay themselves."""
+    height = len(radiance)
+    solid_angle = latlong.solid_angles(height, 2 * height)
+    known = (seen.share * (seen.clipped == 0))[..., None] * seen.radiance
+    powers = [np.einsum("hwc,hw->c", part, solid_angle) for part in (known, radiance - known)]
+    factor = np.float32(shade(powers[0], powers[1], share_of(seen.share)))
+    return known + factor * (radiance - known)
 
 
 def _lost_lobe(logs: Panorama, mean: Panorama, unseen: Float32[np.ndarray, "h w"]) -> Panorama:

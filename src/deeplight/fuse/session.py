@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
+from deeplight.camera_response import LUMINANCE
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError, InputError, ShapeError
 from deeplight.frames import Rotation, require_rotation
 from deeplight.fuse.gains import overlaps, solve_gains, trusted
-from deeplight.fuse.merge import environment_of, log_power
+from deeplight.fuse.merge import ENOUGH_SEEN, environment_of, log_power
 from deeplight.fuse.view import CELLS, HEIGHT, ROWS, View
 from deeplight.io.arrays_file import read_arrays
 from deeplight.io.atomic import replacing
@@ -34,6 +35,9 @@ LEAST_OVERLAP_SR = 0.05
 """Views that share less than this are not asked whether they agree."""
 PATIENCE = 3
 """This number of such views in a row, and what was before them is forgotten."""
+ROOM = 0.3
+"""ln by which a steady light's power may miss what is believed while little was seen."""
+_MOST_SHADE = 5.0  # what is only believed is made so much brighter or darker at most
 _VERSION = 1
 
 Estimate = Callable[[UInt8[np.ndarray, "height width 3"]], Float32[np.ndarray, "size size 3"]]
@@ -92,6 +96,7 @@ class Session:
         self._unit = np.zeros(3)  # ln gain of the first kept view
         self._strange = self._count = 0
         self._trust: Float[np.ndarray, "views cells"] | None = None
+        self._shown: float | None = None  # ln of the power last shown steadily
 
     @property
     def views(self) -> tuple[View, ...]:
@@ -142,6 +147,7 @@ class Session:
         world_from_camera: Rotation | None = None,
         log_gain: Float[np.ndarray, "3"] | None = None,
         height: int = HEIGHT,
+        steady: bool = False,
     ) -> Environment:
         """The light so far.
 
@@ -149,6 +155,9 @@ class Session:
             world_from_camera: the camera in whose frame; left out, the first frame's.
             log_gain: of the frame relative to whose white, out of `gains`; left out, the first's.
             height: rows of the panorama.
+            steady: for a light shown while one turns. Its power then stays what the last steady
+                one had until that is contradicted by more than its uncertainty, e^0.3 at first
+                and nothing once half of the sphere was seen; what was seen stays itself.
 
         Raises:
             InputError: nothing has been added yet.
@@ -157,13 +166,34 @@ class Session:
             raise InputError("a frame", "a session without any", "add one first")
         turn = self._first_turn if world_from_camera is None else world_from_camera
         n = len(self._views)
-        gains = self.gains - (np.zeros(3) if log_gain is None else log_gain)
+        unit = np.zeros(3) if log_gain is None else np.asarray(log_gain)
+        gains = self.gains - unit
         if self._trust is None:
             self._trust = trusted(self._logs[:n], self._weights[:n], gains)
-        return environment_of(self._views, gains, self._trust, turn, height)
+        shade = (lambda *found: self._shade(unit, *found)) if steady else None
+        return environment_of(self._views, gains, self._trust, turn, height, shade)
+
+    def _shade(
+        self,
+        unit: Float[np.ndarray, "3"],
+        known: Float[np.ndarray, "3"],
+        believed: Float[np.ndarray, "3"],
+        seen: float,
+    ) -> float:
+        """By what factor to change what is only believed, so that the light stays steady."""
+        sure, rest = (float((part * np.exp(-unit)) @ LUMINANCE) for part in (known, believed))
+        if not rest > 0:
+            return 1.0
+        log = float(np.log(sure + rest))
+        room = ROOM * max(0.0, 1 - seen / ENOUGH_SEEN)
+        wanted = log if self._shown is None else float(np.clip(self._shown, log - room, log + room))
+        factor = float(np.clip((np.exp(wanted) - sure) / rest, 1 / _MOST_SHADE, _MOST_SHADE))
+        self._shown = float(np.log(sure + factor * rest))
+        return factor
 
     def reset(self) -> None:
         """Forget everything: the place has been left."""
+        self._shown = None
         self._views, self._log_gain, self._unit = [], np.zeros((0, 3)), np.zeros(3)
         self._strange = self._count = 0
 
@@ -180,7 +210,7 @@ class Session:
         if forgotten:
             newest = sorted(range(slot + 1), key=lambda k: self._views[k].number)[-PATIENCE:]
             self._keep(newest)
-            self._strange = 0
+            self._strange, self._shown = 0, None
         else:
             self._thin(slot)
         return Added(len(self._views), forgotten, disagreement, log_gain)

@@ -1,9 +1,9 @@
 """How the camera was turned in each picture, from the pictures alone.
 
 Features of pairs of pictures are matched; a rotation that a sample of two matches gives and most of
-the others confirm places the pair (the camera is taken to turn about one point; what does not, such
-as people and things very near, is outvoted). Then all rotations and the focal length are solved
-together over all matches, first with last where a turn closes, so that drift is spread and gone.
+the others confirm places the pair (what moves or is very near is outvoted). Then all rotations, the
+focal length and how far the camera strayed are solved together over all matches (`adjust`), first
+with last where a turn closes, so that drift is spread and gone.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from deeplight.frames import Rotation, normalised
-from deeplight.fuse.poses import exponential, nearest_rotation
+from deeplight.fuse.adjust import Free, Pair, adjusted, rays_of
+from deeplight.fuse.poses import angle_between, nearest_rotation
 
 WORKING_SIDE = 480
 """Pixels of the longer side of the pictures that features are looked for in."""
@@ -29,11 +30,9 @@ _KEPT = 60  # matches of a pair that go into the adjustment
 _AHEAD = 3  # neighbours in time that every picture is matched with
 _REACH_RAD = radians(55)  # pictures that look nearer each other than this may overlap
 _DRIFT_RAD = 0.01  # by which that grows with each picture between them
-_MOST_NEAR = 6  # further pairs of each picture that are tried
-_ROUNDS = 15
-_SOFT_RAD = radians(0.3)  # a residual of this size counts half
+_SETTLED_RAD = radians(1)  # moved by less, pictures overlap as they did
+_MOST_NEAR = 4  # further pairs of each picture that are tried
 _BRIGHT, _DARKEST = 160, 16  # levels of a picture's bright parts that features are looked for at
-_FOV_SIGMA = 0.15  # ln of the tangent: how far an assumed field of view may be off
 _FOV_NEEDS_RAD = radians(50)  # turned by less, a step to the side looks like another field of view
 
 
@@ -61,15 +60,6 @@ class _Features:
     words: Float[np.ndarray, "n 128"]
 
 
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    first: int
-    second: int
-    one: Float[np.ndarray, "n 2"]
-    other: Float[np.ndarray, "n 2"]
-    first_from_second: Rotation
-
-
 def track(
     pictures: Sequence[UInt8[np.ndarray, "height width 3"]],
     vertical_fov_rad: float,
@@ -90,14 +80,25 @@ def track(
     count = len(pictures)
     tried = {(k, j) for j in range(count) for k in range(max(0, j - _AHEAD), j)}
     pairs = _all_matched(features, sorted(tried))
-    rotations, scale, residual = _solved(pairs, count, fov_known)
+    rotations, _, _ = _solved(pairs, count, fov_known, strays=False)
     for _ in range(2):  # a closed turn may bring further pictures within reach
         found = _all_matched(features, _near(rotations, tried))
         if not found:
             break
         pairs += found
-        rotations, scale, residual = _solved(pairs, count, fov_known)
+        before = rotations
+        rotations, _, _ = _solved(pairs, count, fov_known, strays=False)
+        if _settled(before, rotations):
+            break
+    rotations, scale, residual = _solved(pairs, count, fov_known, strays=True)
     return Tracked(rotations, float(2 * np.arctan(half * scale)), residual)
+
+
+def _settled(before: dict[int, Rotation], after: dict[int, Rotation]) -> bool:
+    """Whether the same pictures look where they did: then no others have come within reach."""
+    return before.keys() == after.keys() and all(
+        angle_between(turn, after[number]) < _SETTLED_RAD for number, turn in before.items()
+    )
 
 
 def _features(picture: UInt8[np.ndarray, "height width 3"], half_height: float) -> _Features:
@@ -118,7 +119,7 @@ def _features(picture: UInt8[np.ndarray, "height width 3"], half_height: float) 
     return _Features(plane, roots.astype(np.float32))
 
 
-def _all_matched(features: list[_Features], tried: Sequence[tuple[int, int]]) -> list[_Pair]:
+def _all_matched(features: list[_Features], tried: Sequence[tuple[int, int]]) -> list[Pair]:
     found = (_matched(features, *pair) for pair in tried)
     return [pair for pair in found if pair is not None]
 
@@ -148,7 +149,7 @@ def _near(rotations: dict[int, Rotation], tried: set[tuple[int, int]]) -> list[t
     return found
 
 
-def _matched(features: list[_Features], first: int, second: int) -> _Pair | None:
+def _matched(features: list[_Features], first: int, second: int) -> Pair | None:
     """Match two pictures and find the rotation between them, None if they do not overlap."""
     a, b = features[first], features[second]
     if min(len(a.plane), len(b.plane)) < FEWEST:
@@ -167,19 +168,14 @@ def _matched(features: list[_Features], first: int, second: int) -> _Pair | None
         return None
     one, other = a.plane[kept], b.plane[best[kept]]
     rng = np.random.default_rng([first, second])
-    found = _rotation_of(_rays(one), _rays(other), rng)
+    found = _rotation_of(rays_of(one), rays_of(other), rng)
     if found is None:
         return None
     turn, agree = found
     chosen = np.flatnonzero(agree)
     if len(chosen) > _KEPT:
         chosen = rng.choice(chosen, _KEPT, replace=False)
-    return _Pair(first, second, one[chosen], other[chosen], turn)
-
-
-def _rays(plane: Float[np.ndarray, "n 2"], scale: float = 1.0) -> Float[np.ndarray, "n 3"]:
-    rays = np.concatenate([plane * scale, -np.ones((len(plane), 1))], axis=1)
-    return normalised(rays)
+    return Pair(first, second, one[chosen], other[chosen], turn)
 
 
 def _rotation_of(
@@ -192,9 +188,11 @@ def _rotation_of(
         return None
     left, right = _frames_of(one[pairs]), _frames_of(other[pairs])
     turns = left @ right.transpose(0, 2, 1)
-    misses = np.linalg.norm(one - np.einsum("tij,nj->tni", turns, other), axis=2)
+    products = (one[:, :, None] * other[:, None]).reshape(-1, 9)
+    cosine = turns.reshape(-1, 9) @ products.T
     # A field of view that is only assumed bends rays towards the edge: the first gate is wide.
-    agree = misses[(misses < 2.5 * _AGREE_RAD).sum(1).argmax()] < 2.5 * _AGREE_RAD
+    agrees = cosine > 1 - (2.5 * _AGREE_RAD) ** 2 / 2  # |a - b|^2 = 2 - 2 a b
+    agree = agrees[agrees.sum(1).argmax()]
     for gate in (2.5, 2.0):
         if agree.sum() < FEWEST:
             return None
@@ -207,12 +205,12 @@ def _rotation_of(
 def _frames_of(pairs: Float[np.ndarray, "t 2 3"]) -> Float[np.ndarray, "t 3 3"]:
     """An orthonormal frame spanned by each pair of rays."""
     middle, across = pairs.sum(1), pairs[:, 0] - pairs[:, 1]
-    x = middle / np.linalg.norm(middle, axis=1, keepdims=True)
+    x = normalised(middle)
     y = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     return np.stack([x, y, np.cross(x, y)], axis=2)
 
 
-def _chained(pairs: list[_Pair], count: int) -> dict[int, Rotation]:
+def _chained(pairs: list[Pair], count: int) -> dict[int, Rotation]:
     """Rotations of the largest connected group, along the pairs with most matches."""
     groups: list[dict[int, Rotation]] = []
     placed: set[int] = set()
@@ -241,96 +239,11 @@ def _chained(pairs: list[_Pair], count: int) -> dict[int, Rotation]:
 
 
 def _solved(
-    pairs: list[_Pair], count: int, fov_known: bool
+    pairs: list[Pair], count: int, fov_known: bool, strays: bool
 ) -> tuple[dict[int, Rotation], float, float]:
-    """Rotations, scale of the tangents and residual; the scale stays 1 where too little turned."""
+    """Rotations, scale of the tangents and residual; where too little turned, the scale stays 1
+    and the camera in its place."""
     chained = _chained(pairs, count)
     views = np.array([-turn[:, 2] for turn in chained.values()]).reshape(-1, 3)
     narrow = not len(views) or bool((views @ views.T).min() > np.cos(_FOV_NEEDS_RAD))
-    return _adjusted(pairs, chained, fov_known or narrow)
-
-
-def _adjusted(
-    pairs: list[_Pair], rotations: dict[int, Rotation], fov_known: bool
-) -> tuple[dict[int, Rotation], float, float]:
-    """All rotations and the focal length together (Gauss-Newton, Cauchy weights)."""
-    order = {number: place for place, number in enumerate(rotations)}
-    used = [p for p in pairs if p.first in order and p.second in order]
-    if not used:
-        return rotations, 1.0, 0.0
-    turns = np.stack(list(rotations.values()))
-    i = np.concatenate([np.full(len(p.one), order[p.first]) for p in used])
-    j = np.concatenate([np.full(len(p.one), order[p.second]) for p in used])
-    one = np.concatenate([p.one for p in used])
-    other = np.concatenate([p.other for p in used])
-    log_scale, soft = 0.0, 3 * _SOFT_RAD
-    for _ in range(_ROUNDS):
-        step, log_step = _step(turns, log_scale, (i, j, one, other), fov_known, soft)
-        turns = np.stack([t @ exponential(s) for t, s in zip(turns, step, strict=True)])
-        log_scale = float(np.clip(log_scale + log_step, -0.5, 0.5))
-        soft = max(_SOFT_RAD, 0.7 * soft)
-        if np.abs(step).max() < 1e-6:
-            break
-    scale = float(np.exp(log_scale))
-    misses = np.einsum("nij,nj->ni", turns[i], _rays(one, scale))
-    misses = misses - np.einsum("nij,nj->ni", turns[j], _rays(other, scale))
-    residual = float(np.median(np.linalg.norm(misses, axis=1)))
-    turns = turns[0].T @ turns
-    return {number: turns[place] for number, place in order.items()}, scale, residual
-
-
-def _step(
-    turns: np.ndarray,
-    log_scale: float,
-    matches: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    fov_known: bool,
-    soft: float,
-) -> tuple[np.ndarray, float]:
-    """One step of all rotations (in their own frames) and of ln of the plane's scale."""
-    i, j, one, other = matches
-    scale = float(np.exp(log_scale))
-    a, b = _rays(one, scale), _rays(other, scale)
-    residual = np.einsum("nij,nj->ni", turns[i], a) - np.einsum("nij,nj->ni", turns[j], b)
-    weight = 1 / (1 + (np.linalg.norm(residual, axis=1) / soft) ** 2)
-    by_i, by_j = -turns[i] @ _crosses(a), turns[j] @ _crosses(b)
-    h = 1e-4
-    nearby = np.einsum("nij,nj->ni", turns[i], _rays(one, scale * (1 + h)))
-    nearby -= np.einsum("nij,nj->ni", turns[j], _rays(other, scale * (1 + h)))
-    by_scale = (nearby - residual) / h
-    n = 3 * len(turns)
-    matrix, right = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
-    parts = ((i, by_i), (j, by_j))
-    for one_index, one_part in parts:
-        np.add.at(
-            right[:n].reshape(-1, 3),
-            one_index,
-            -np.einsum("n,nki,nk->ni", weight, one_part, residual),
-        )
-        column = np.einsum("n,nki,nk->ni", weight, one_part, by_scale)
-        np.add.at(matrix[:n, n].reshape(-1, 3), one_index, column)
-        for other_index, other_part in parts:
-            block = np.einsum("n,nki,nkj->nij", weight, one_part, other_part)
-            blocks = np.zeros((len(turns), len(turns), 3, 3))
-            np.add.at(blocks, (one_index, other_index), block)
-            matrix[:n, :n] += blocks.transpose(0, 2, 1, 3).reshape(n, n)
-    matrix[n, :n] = matrix[:n, n]
-    matrix[n, n] = np.einsum("n,nk,nk->", weight, by_scale, by_scale)
-    right[n] = -np.einsum("n,nk,nk->", weight, by_scale, residual)
-    pull = (soft / _FOV_SIGMA) ** 2
-    matrix[n, n] += pull
-    right[n] -= pull * log_scale
-    if fov_known:
-        matrix[n, :n] = matrix[:n, n] = right[n] = 0
-        matrix[n, n] = 1
-    matrix[:3, :3] += np.eye(3) * 1e3  # the first picture stays
-    matrix[np.diag_indices(n + 1)] += 1e-9
-    solved = np.linalg.solve(matrix, right)
-    return solved[:n].reshape(-1, 3), float(solved[n])
-
-
-def _crosses(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """[v]x of each: the matrix with [v]x w = v x w."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, -1) for row in rows], 1)
+    return adjusted(pairs, chained, Free(not (fov_known or narrow), strays and not narrow))

@@ -281,6 +281,7 @@ export const FUSE = {
   "HIGH_TO": 0.6,
   "LOG_STEP": 0.025,
   "LOG_STEPS": 400,
+  "ENOUGH_SEEN": 0.5,
   "NEAR": 1.0,
   "LOBE_KAPPA": 250.0,
   "FIND_KAPPA": 12.0,
@@ -291,6 +292,8 @@ export const FUSE = {
   "CHANGED": 0.45,
   "LEAST_OVERLAP_SR": 0.05,
   "PATIENCE": 3,
+  "ROOM": 0.3,
+  "MOST_SHADE": 5.0,
   "VERSION": 1
 } as const;
 

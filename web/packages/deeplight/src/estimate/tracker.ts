@@ -160,7 +160,7 @@ export class Tracker {
     const isNeeded = rows > 0 && this.#session.views.length > 0;
     if (!isNeeded || (this.#isLit && !evenIfSame)) return null;
     this.#isLit = true;
-    return this.#session.environment(rows, IDENTITY, this.#logGain);
+    return this.#session.environment(rows, IDENTITY, this.#logGain, true);
   }
 }
 

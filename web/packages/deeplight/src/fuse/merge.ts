@@ -28,11 +28,22 @@ export interface Gathered {
   readonly trust: readonly Float32Array[];
 }
 
-/** One light out of all views, in the frame of a camera held like `worldFromFrame`. */
+/**
+ * Says by what factor to change the light that is only believed, given the power that is known, the
+ * power that is believed (both summed over all directions, RGB) and the share of the sphere seen.
+ */
+export type Shade = (known: Vector3, believed: Vector3, seen: number) => number;
+
+/**
+ * One light out of all views, in the frame of a camera held like `worldFromFrame`.
+ *
+ * @param shade what to change of the brightness of what is unseen or clips; left out, nothing.
+ */
 export function environmentOf(
   from: Gathered,
   worldFromFrame: Matrix3x3,
   height: number,
+  shade: Shade | null = null,
 ): Environment {
   const { views, cells, logGain, trust } = from;
   const directions = directionsOf(height, worldFromFrame);
@@ -50,6 +61,7 @@ export function environmentOf(
     const rises = rising(directions, upOf(views));
     raiseLamps(radiance, mean!, seen, expectedPower(views, logGain), rises, height);
   }
+  if (shade) shadeBelieved(radiance, seen, height, shade);
   return { radiance, seen: seen.share, height };
 }
 
@@ -125,6 +137,25 @@ function onBall(ball: Float32Array, direction: Vector3, into: [number, number, n
     into[1] += part * ball[from + 1]!;
     into[2] += part * ball[from + 2]!;
   }
+}
+
+/** Mean over all directions. */
+function shareOf(part: Float32Array, height: number): number {
+  const sr = rowSolidAngles(height);
+  const sum = part.reduce((all, value, i) => all + value * sr[Math.floor(i / (2 * height))]!, 0);
+  return sum / (4 * Math.PI);
+}
+
+/** Makes what is unseen or clips brighter or darker; seen pixels stay themselves. */
+function shadeBelieved(radiance: Float32Array, seen: Seen, height: number, shade: Shade): void {
+  const known = seen.radiance.map((value, i) => {
+    const texel = Math.floor(i / 3);
+    return seen.clipped[texel] ? 0 : seen.share[texel]! * value;
+  });
+  const believed = radiance.map((value, i) => value - known[i]!);
+  const powers = [known, believed].map((part) => powerOf(part, height)) as [Vector3, Vector3];
+  const factor = shade(...powers, shareOf(seen.share, height));
+  for (let i = 0; i < radiance.length; i++) radiance[i] = known[i]! + factor * believed[i]!;
 }
 
 /** The power that the logarithms' map lacks where nothing was seen, as one lobe there. */

@@ -12,6 +12,8 @@ const stored = JSON.parse(
   readFileSync(new URL("../../../../../tests/golden/fuse.json", import.meta.url), "utf8"),
 );
 const [HEIGHT, WIDTH] = [96, 54];
+/** Estimates that frames get in turn, so that what is believed moves up and down. */
+const STEADY_ESTIMATES = stored.steady_estimates as number[];
 
 function frame(number: number, brighter = 0): SmallPicture {
   const [yaw, pitch] = stored.poses[number] as number[];
@@ -110,6 +112,21 @@ test("the light is Python's, and with another frame it is not", () => {
   expect(far(seen, stored.seen.flat())).toBeLessThan(2e-3);
   const other = session(2).made.environment(16);
   expect(far(other.radiance, stored.environment.flat(2))).toBeGreaterThan(2e-3);
+});
+
+test("a light shown while one turns is as steady as Python's, and another is not", () => {
+  const made = new Session();
+  const steps = [0, 1, 2, 3].map((k) => {
+    const { logGain } = made.add(frame(k), pose(k), estimate(STEADY_ESTIMATES[k]!));
+    return [true, false].map((steady) => {
+      return made.environment(8, pose(k), logGain, steady).radiance;
+    });
+  });
+  const ofPython = stored.steady_environments.map((light: number[][][]) => light.flat(2));
+  for (const [k, [steady]] of steps.entries()) {
+    expect(far(steady!, ofPython[k])).toBeLessThan(2e-3);
+  }
+  expect(Math.max(...steps.map(([, own], k) => far(own!, ofPython[k])))).toBeGreaterThan(2e-2);
 });
 
 test("what clips is as bright as in Python, and less is not", () => {

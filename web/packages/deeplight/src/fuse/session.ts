@@ -4,12 +4,14 @@
  */
 import { FUSE } from "../contract/generated.ts";
 import type { Environment } from "../light/environment.ts";
-import { angleBetween, IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
+import { luminous } from "../light/lamp.ts";
+import { angleBetween, IDENTITY, type Matrix3x3, type Vector3 } from "../light/matrix.ts";
 import { overlapOf, placesOf, solveGains, trusted } from "./gains.ts";
 import { environmentOf } from "./merge.ts";
 import { type Cells, cellsOf, logPower, type SmallPicture, type View } from "./view.ts";
 
 const { CHANGED, LEAST_OVERLAP_SR, LIKE_EXPOSURE, MOST_VIEWS, NEAR_RAD, PATIENCE } = FUSE;
+const { ENOUGH_SEEN, MOST_SHADE, ROOM } = FUSE;
 
 /** What became of a frame. */
 export interface Added {
@@ -60,6 +62,8 @@ export class Session {
   #strange = 0;
   #count = 0;
   #trust: Float32Array[] | null = null;
+  /** ln of the power last shown steadily. */
+  #shown: number | null = null;
 
   constructor(readonly mostViews: number = MOST_VIEWS) {
     if (!(mostViews >= 2)) throw new RangeError(`expected 2 views or more, got ${mostViews}`);
@@ -123,19 +127,39 @@ export class Session {
    * @param height rows of the panorama.
    * @param worldFromCamera the camera in whose frame; left out, the first frame's.
    * @param logGain of the frame relative to whose white; left out, the first frame's.
+   * @param steady for a light shown while one turns. Its power then stays what the last steady one
+   *   had until that is contradicted by more than its uncertainty, which is gone once half of the
+   *   sphere was seen; what was seen stays itself.
    * @throws RangeError where nothing has been added.
    */
   environment(
     height: number = FUSE.HEIGHT,
     worldFromCamera: Matrix3x3 = this.#firstTurn,
     logGain: Rgb = [0, 0, 0],
+    steady = false,
   ): Environment {
     if (this.#kept.length === 0) throw new RangeError("expected a frame, got none: add one first");
     const gains = this.gains.map((value, i) => value - logGain[(i % 3) as 0 | 1 | 2]);
     const cells = this.#kept.map((kept) => kept.cells);
     this.#trust ??= trusted(cells, gains);
     const gathered = { views: this.views, cells, logGain: gains, trust: this.#trust };
-    return environmentOf(gathered, worldFromCamera, height);
+    const shade = (known: Vector3, believed: Vector3, seen: number) =>
+      this.#shade(logGain, known, believed, seen);
+    return environmentOf(gathered, worldFromCamera, height, steady ? shade : null);
+  }
+
+  /** By what factor to change what is only believed, so that the light stays steady. */
+  #shade(unit: Rgb, known: Vector3, believed: Vector3, seen: number): number {
+    const [sure, rest] = [known, believed].map((power) =>
+      luminous(power.map((value, c) => value * Math.exp(-unit[c]!)) as unknown as Vector3),
+    ) as [number, number];
+    if (!(rest > 0)) return 1;
+    const log = Math.log(sure + rest);
+    const room = ROOM * Math.max(0, 1 - seen / ENOUGH_SEEN);
+    const wanted = Math.min(Math.max(this.#shown ?? log, log - room), log + room);
+    const factor = Math.min(Math.max((Math.exp(wanted) - sure) / rest, 1 / MOST_SHADE), MOST_SHADE);
+    this.#shown = Math.log(sure + factor * rest);
+    return factor;
   }
 
   /** Forgets everything: the place has been left. */
@@ -144,7 +168,7 @@ export class Session {
     this.#logGain = new Float64Array(0);
     this.#unit = [0, 0, 0];
     this.#strange = this.#count = 0;
-    this.#trust = null;
+    this.#trust = this.#shown = null;
   }
 
   /** Keeps one more view; how far it disagrees with the others. */
@@ -198,6 +222,7 @@ export class Session {
     const newest = [...this.#kept.keys()].sort((a, b) => this.#number(a) - this.#number(b));
     this.#keep(newest.slice(-PATIENCE));
     this.#strange = 0;
+    this.#shown = null;
   }
 
   #number(k: number): number {
