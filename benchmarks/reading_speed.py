@@ -3,7 +3,8 @@
 git worktree add ../other COMMIT; python benchmarks/reading_speed.py --other ../other/src
 
 Processor time of the fastest of many readings, in turns so that a busy machine slows both; a photo
-of 12 megapixels, a panorama of 2048 x 1024 as .exr and .hdr, and a film of 30 frames 1080 x 1920.
+of 12 megapixels, a panorama of 2048 x 1024 as .exr and .hdr, a film of 30 frames 1080 x 1920, and
+a gently curved mesh of 40,000 quads.
 """
 
 import os
@@ -19,7 +20,7 @@ import numpy as np
 import tyro
 
 HERE = Path(__file__).resolve().parent.parent / "src"
-KINDS = ("photo.jpg", "light.exr", "light.hdr", "film.mp4")
+KINDS = ("photo.jpg", "light.exr", "light.hdr", "film.mp4", "mesh.obj")
 
 
 @dataclass(frozen=True)
@@ -49,10 +50,19 @@ def write(folder: Path) -> None:
         for n in range(30):
             frame = cv2.resize(np.roll(coarse, n, axis=1), (1080, 1920))
             video.write(frame.clip(0, 255).astype(np.uint8))
+    rows, columns = np.indices((201, 201)).reshape(2, -1)
+    text = "".join(
+        f"v {x:.4f} {y:.4f} {(x * x + y * y) / 400:.4f}\n"
+        for x, y in zip(columns, rows, strict=True)
+    )
+    starts = 1 + (201 * rows + columns)[(rows < 200) & (columns < 200)]
+    text += "".join(f"f {v}/{v} {v + 1}/{v} {v + 202}/{v} {v + 201}/{v}\n" for v in starts)
+    (folder / KINDS[4]).write_text(text)
 
 
 def measure(folder: Path) -> None:
     """Print the processor seconds of the fastest of some readings of each kind."""
+    from deeplight.compose.mesh_file import read_meshes
     from deeplight.io.photos import read_photo
     from deeplight.io.radiance import read_hdr
     from deeplight.io.video import video_frames
@@ -63,6 +73,8 @@ def measure(folder: Path) -> None:
                 frame.rgb()
         elif path.suffix == ".jpg":
             read_photo(path)
+        elif path.suffix == ".obj":
+            read_meshes(path, 1_000_000)
         else:
             read_hdr(path)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from deeplight.cli.main import run_command
 from deeplight.cli.screen import progress_bar
+from deeplight.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,11 @@ def run(args: Args) -> None:
     from lab.fuzz.run import fuzz
     from lab.fuzz.seeds import available
 
-    kinds = args.kinds or tuple(available())
+    known = tuple(available())
+    if unknown := sorted(set(args.kinds) - set(known)):
+        do = f"give some of {', '.join(known)}"
+        raise ConfigError("formats that can be read here", ", ".join(unknown), do)
+    kinds = args.kinds or known
     with progress_bar("fuzzing", args.cases * len(kinds)) as advance:
         result = fuzz(kinds, args.cases, args.seed, args.seconds, args.keep, advance)
     for finding in result.findings:

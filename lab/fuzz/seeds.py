@@ -187,13 +187,14 @@ def _gltf_text(path: Path) -> None:
 
 
 OBJ = b"mtllib a.mtl\nv 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvn 0 0 1\n"
-OBJ += b"usemtl a\nf 1/1/1 2/1/1 3/1/1\nf 1 3 4\nf -1 -2 -3\n"
-PLY = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\n"
+OBJ += b"v 0.2 0.2 0\nusemtl a\nf 1/1/1 2/1/1 3/1/1\nf 1 3 4\nf -1 -2 -3\nf 2 5 3 \\\n 1\n"
+PLY = b"ply\nformat binary_little_endian 1.0\nelement vertex 4\n"
 PLY += b"".join(b"property float %c\n" % axis for axis in b"xyz") + b"property uchar red\n"
-PLY += b"property uchar green\nproperty uchar blue\nelement face 1\n"
+PLY += b"property uchar green\nproperty uchar blue\nelement face 2\n"
 PLY += b"property list uchar int vertex_indices\nend_header\n"
-PLY += b"".join(struct.pack("<fffBBB", *at, 9, 99, 200) for at in ((0, 0, 0), (1, 0, 0), (0, 1, 0)))
-PLY += struct.pack("<Biii", 3, 0, 1, 2)
+CORNERS = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0.2, 0.2, 0))
+PLY += b"".join(struct.pack("<fffBBB", *at, 9, 99, 200) for at in CORNERS)
+PLY += struct.pack("<Biii", 3, 0, 1, 2) + struct.pack("<Biiii", 4, 1, 3, 2, 0)  # not convex
 
 
 def _npz(path: Path) -> None:

@@ -78,3 +78,17 @@ def test_the_collected_meshes_are_read_right() -> None:
     assert points == pytest.approx(np.unique(first("mesh_base.glb").vertices, axis=0), abs=1e-3)
     assert sum(len(mesh.faces) for mesh in load(str(SOUND / "mesh_latin.obj"))) == 24
     assert corners(first("mesh_ext.gltf")) == pytest.approx(base)
+
+
+@pytest.mark.timeout(120)
+def test_a_rough_scan_without_normals_takes_time_in_proportion(tmp_path: Path) -> None:
+    """80,000 triangles, nearly every edge a sharp one; what compared all with all took minutes."""
+    side = 200
+    rows, columns = np.indices((side + 1, side + 1)).reshape(2, -1)
+    corners = "".join(f"v {x} {y} {x * y % 7}\n" for x, y in zip(columns, rows, strict=True))
+    starts = 1 + ((side + 1) * rows + columns)[(rows < side) & (columns < side)]
+    quads = "".join(f"f {v} {v + 1} {v + side + 2} {v + side + 1}\n" for v in starts)
+    (tmp_path / "a.obj").write_text(corners + quads)
+    (mesh,) = load(str(tmp_path / "a.obj"))
+    assert len(mesh.faces) == 2 * side**2
+    assert np.linalg.norm(mesh.normals, axis=-1) == pytest.approx(1)

@@ -49,6 +49,11 @@ def test_a_fan_is_right_from_a_corner_that_sees_the_whole_polygon() -> None:
     assert fans.tolist() == [True, False, False, False, False, False, False, False]
 
 
+def test_a_polygon_without_an_inside_loses_no_triangle() -> None:
+    line = np.array([(0, 0, 0), (1, 1, 1), (3, 3, 3), (2, 2, 2)], float)
+    assert ears(line).tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
 def written(folder: Path, kind: str, first: int) -> Path:
     corners = [*range(first, 8), *range(first)]
     path = folder / ("a.obj" if kind == "obj" else "a.ply")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from deeplight.compose import gltf_mesh
 from deeplight.compose.gltf_file import GltfFile
@@ -27,6 +27,8 @@ MAX_TEXTURE_BYTES = 200_000_000
 MAX_TEXT_BYTES = 200_000_000  # an .obj takes about ten times its size while it is read
 
 SHARP_RAD = float(np.radians(40))  # an edge of more is not smooth
+FOLDED = -0.3  # cosine between a face and the normal of its corner
+FLAT_SHARE = 0.1  # of the surface: a flat part of more stays flat up to its rim
 
 
 def read_meshes(path: Path, max_triangles: int) -> list[Mesh]:
@@ -63,26 +65,40 @@ def _of_gltf(path: Path, max_triangles: int) -> list[Mesh]:
 
 def _of_text(path: Path) -> list[Mesh]:
     """Read an .obj or .ply file with trimesh."""
-    import trimesh
-
-    suffix = path.suffix.lower().removeprefix(".")
-    content, libraries = _whole(path, suffix)
-    neighbours = _Neighbours(path, libraries)
     with _losses() as lost:
-        scene = trimesh.load_scene(
-            io.BytesIO(content), file_type=suffix, resolver=neighbours, process=False
-        )
-        if neighbours.fault is not None:
-            raise neighbours.fault
-        pieces = [
-            piece for piece in scene.dump(concatenate=False) if isinstance(piece, trimesh.Trimesh)
-        ]
+        pieces, notes = _pieces(path, cut=False)
+        if any(map(_folds_back, pieces)):  # cutting takes as long as reading, and few files need it
+            lost.clear()
+            pieces, notes = _pieces(path, cut=True)
         textures = Textures(path, len(pieces))
-        notes = (PLACED,) if neighbours.has_placed else ()
         return [_shaded(_mesh(piece, textures, bool(lost), notes)) for piece in pieces]
 
 
-def _whole(path: Path, suffix: str) -> tuple[bytes, list[str]]:
+def _pieces(path: Path, cut: bool) -> tuple[list[Any], tuple[str, ...]]:
+    """Give trimesh's meshes, concave faces cut if asked to, and what could not be applied."""
+    import trimesh
+
+    suffix = path.suffix.lower().removeprefix(".")
+    content, libraries = _whole(path, suffix, cut)
+    neighbours = _Neighbours(path, libraries)
+    scene = trimesh.load_scene(
+        io.BytesIO(content), file_type=suffix, resolver=neighbours, process=False
+    )
+    if neighbours.fault is not None:
+        raise neighbours.fault
+    pieces = [piece for piece in scene.dump(concatenate=False) if hasattr(piece, "faces")]
+    return pieces, (PLACED,) if neighbours.has_placed else ()
+
+
+def _folds_back(piece: Any) -> bool:
+    """Whether a face looks away from the normals at its corners, as a wrong fan's triangles do."""
+    if not len(piece.faces):
+        return False
+    cosine = np.einsum("fcx,fx->fc", piece.vertex_normals[piece.faces], piece.face_normals)
+    return bool((cosine[piece.area_faces > 0] < FOLDED).any())
+
+
+def _whole(path: Path, suffix: str, cut: bool) -> tuple[bytes, list[str]]:
     """Give what trimesh is to read, and the material files that it names."""
     if path.stat().st_size > MAX_TEXT_BYTES and suffix == "obj":
         got = f"{path} of {path.stat().st_size / 1e6:.0f} MB"
@@ -90,7 +106,7 @@ def _whole(path: Path, suffix: str) -> tuple[bytes, list[str]]:
             f"an .obj of at most {MAX_TEXT_BYTES / 1e6:.0f} MB", got, "save a .glb"
         )
     content = path.read_bytes()
-    return plain_obj(content) if suffix == "obj" else (plain_ply(content), [])
+    return plain_obj(content, cut) if suffix == "obj" else (plain_ply(content, cut), [])
 
 
 class _Neighbours(Mapping[str, bytes]):
@@ -202,7 +218,6 @@ def _colours(piece: Any) -> Float[np.ndarray, "n 3"] | None:
 def _shaded(mesh: Mesh) -> Mesh:
     """Give normals to a mesh that has none, and split it at sharp edges that share one."""
     import trimesh
-    from trimesh.graph import smooth_shade
 
     if not len(mesh.faces):
         return mesh
@@ -212,21 +227,38 @@ def _shaded(mesh: Mesh) -> Mesh:
     normals = np.asarray(shape.vertex_normals if mesh.normals is None else mesh.normals)
     if not _rounds_its_edges(shape, normals):
         return replace(mesh, normals=normals)
-    numbers = np.arange(len(mesh.vertices), dtype=float)  # rides along as a coordinate
-    shape = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
-    shape.visual = trimesh.visual.TextureVisuals(  # type: ignore[no-untyped-call]
-        np.stack([numbers, 0 * numbers], -1)
-    )
-    shape = smooth_shade(shape, angle=SHARP_RAD)
-    before = np.asarray(shape.visual.uv)[:, 0].round().astype(int)
+    before, faces = _split_at_edges(shape)
+    vertices = mesh.vertices[before]
+    shape = trimesh.Trimesh(vertices, faces, process=False, validate=False)
     return replace(
         mesh,
-        vertices=np.asarray(shape.vertices, float),
-        faces=np.asarray(shape.faces, int),
+        vertices=vertices,
+        faces=faces,
         normals=np.asarray(shape.vertex_normals, float),
         uv=None if mesh.uv is None else mesh.uv[before],
         colours=None if mesh.colours is None else mesh.colours[before],
     )
+
+
+def _split_at_edges(shape: Any) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m 3"]]:
+    """Give each smooth part of a surface, and each large flat one, vertices of its own.
+
+    Returns:
+        The number that each new vertex had before, and the faces.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count, flat = len(shape.faces), np.full(len(shape.faces), -1)
+    for number in np.flatnonzero(shape.facets_area > FLAT_SHARE * shape.area):
+        flat[shape.facets[number]] = number
+    one, other = shape.face_adjacency.T
+    smooth = (shape.face_adjacency_angles < SHARP_RAD) & (flat[one] == flat[other])
+    pairs = (np.ones(smooth.sum(), bool), (one[smooth], other[smooth]))
+    _, part = connected_components(coo_array(pairs, (count, count)), directed=False)
+    keys = shape.faces + part[:, None].astype(np.int64) * len(shape.vertices)
+    kept, faces = np.unique(keys, return_inverse=True)
+    return kept % len(shape.vertices), faces.reshape(-1, 3)
 
 
 def _rounds_its_edges(shape: Any, normals: Float[np.ndarray, "n 3"]) -> bool:

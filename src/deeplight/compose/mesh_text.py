@@ -10,6 +10,8 @@ _CONTINUED = re.compile(rb"\\ *\n")
 _INDENT = re.compile(rb"^ +", re.MULTILINE)
 _COMMENT = re.compile(rb"#[^\n]*")
 _COMMENTED = (b"v ", b"vt", b"vn", b"f ")  # other lines hold names, of which # may be a part
+_A_ZERO = re.compile(rb" 0[/ \n]")  # much quicker to look for
+_VERTEX_0 = re.compile(rb"^f +(?:\S+ +)*0(?=[/ \n]|\Z)[^\n]*", re.MULTILINE)
 _LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
 _ONE_NAME = re.compile(rb"\S.*?\.mtl(?=\s|$)", re.IGNORECASE)
 _MAP = re.compile(rb"^([ \t]*map_kd)[ \t]+(.*?)[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
@@ -45,21 +47,38 @@ def unicode(text: bytes) -> bytes:
         return text.decode("latin-1").encode()
 
 
-def plain_ply(content: bytes) -> bytes:
-    """Give a .ply whose header is UTF-8 and calls its colours red, green and blue."""
+def plain_ply(content: bytes, cut: bool = False) -> bytes:
+    """Give a .ply whose header is UTF-8 and calls its colours red, green and blue.
+
+    Args:
+        content: of the file.
+        cut: concave faces by their ears; trimesh fans them out.
+    """
     head, end, rest = content.partition(b"end_header")  # the rest may be binary
     head = _COLOUR.sub(lambda found: found[1] + _NAMES[found[2]], unicode(head))
-    return of_triangles(head, rest) or head + end + rest
+    return of_triangles(head, rest, cut) or head + end + rest
 
 
-def plain_obj(content: bytes) -> tuple[bytes, list[str]]:
+def plain_obj(content: bytes, cut: bool = False) -> tuple[bytes, list[str]]:
     """Give an .obj in UTF-8 that names one material file, `LIBRARY`, and the files it named.
 
     It may name several on one line or on many, and their names may hold spaces.
+
+    Args:
+        content: of the file.
+        cut: concave faces by their ears; trimesh fans them out.
+
+    Raises:
+        ValueError: a face names vertex 0; they are counted from 1, or back from -1.
     """
     text = unicode(content).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = text.replace(b"\t", b" ")  # trimesh finds no faces behind tabs
-    text = cut_obj(_uncommented(_INDENT.sub(b"", _CONTINUED.sub(b" ", text))))
+    text = _uncommented(_INDENT.sub(b"", _CONTINUED.sub(b" ", text)))
+    if _A_ZERO.search(text) and (face := _VERTEX_0.search(text)):
+        line = face[0].strip().decode(errors="replace")[:60]
+        raise ValueError(f'a face names vertex 0, where they count from 1: "{line}"')
+    if cut:
+        text = cut_obj(text)
     lines = _LIBRARY.findall(text)
     names = [name.decode() for line in lines for name in _ONE_NAME.findall(line) or [line]]
     if not names:

@@ -47,7 +47,7 @@ class _Layout:
     after: np.dtype
 
 
-def of_triangles(head: bytes, rest: bytes) -> bytes | None:
+def of_triangles(head: bytes, rest: bytes, cut: bool = False) -> bytes | None:
     """Give a .ply whose faces trimesh would misread with triangles only.
 
     trimesh reads binary faces of one number of corners, where Blender and others write them mixed,
@@ -56,6 +56,7 @@ def of_triangles(head: bytes, rest: bytes) -> bytes | None:
     Args:
         head: the header as far as its last word, `end_header`.
         rest: what follows that word.
+        cut: look for polygons, too, that no fan is right for.
 
     Returns:
         None where trimesh reads the file as it is, or the file is none of vertices, then faces.
@@ -64,13 +65,13 @@ def of_triangles(head: bytes, rest: bytes) -> bytes | None:
         ValueError, IndexError, struct.error: the file is damaged.
     """
     layout = _layout(head)
-    if layout is None:
+    if layout is None or not (cut or layout.order):
         return None
     body = rest[rest.index(b"\n") + 1 :]
     vertices, places, faces = (_from_bytes if layout.order else _from_text)(body, layout)
     counts = {len(face) for face in faces}
     is_read = not layout.order or len(counts) < 2
-    if counts <= {3} or (is_read and _fan_out(places, faces, counts)):
+    if counts <= {3} or (is_read and not (cut and not _fan_out(places, faces, counts))):
         return None
     triangles = triangles_of(places, faces)
     start = head[: re.search(rb"(?m)^element[ \t]+face", head).start()]  # type: ignore[union-attr]

@@ -17,7 +17,6 @@ Faces = Sequence[Sequence[int]] | Int[np.ndarray, "faces corners"]
 
 _FACE = re.compile(rb"^f((?: +\S+){4,})[ \r]*$", re.MULTILINE)
 _VERTEX = re.compile(rb"^v +(\S+ +\S+ +\S+)", re.MULTILINE)
-_ZERO = re.compile(rb"^f +(?:\S+ +)*0(?=[/ \r\n]|\Z)[^\r\n]*", re.MULTILINE)
 
 
 def fans_out(polygons: Float[np.ndarray, "m n 3"]) -> Bool[np.ndarray, "m"]:
@@ -36,7 +35,8 @@ def ears(polygon: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 3"]:
     """Cut a polygon of any shape into triangles that turn the way it does.
 
     Returns:
-        Numbers of corners; the polygon is looked at along the axis nearest to its normal.
+        Numbers of corners. The polygon is looked at along the axis nearest to its normal; where it
+        crosses itself there, it is fanned out from its first corner.
     """
     from mapbox_earcut import triangulate_float64
 
@@ -48,7 +48,12 @@ def ears(polygon: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 3"]:
         plane = plane[:, ::-1]
     found = triangulate_float64(np.ascontiguousarray(plane), np.array([len(plane)], np.uint32))
     triangles: Int[np.ndarray, "m 3"] = found.astype(int).reshape(-1, 3)
-    return triangles
+    return triangles if len(triangles) == len(polygon) - 2 else _fan(len(polygon))
+
+
+def _fan(count: int) -> Int[np.ndarray, "m 3"]:
+    step = np.arange(1, count - 1)
+    return np.stack([0 * step, step, step + 1], -1)
 
 
 def triangles_of(places: Float[np.ndarray, "n 3"], faces: Faces) -> Int[np.ndarray, "m 3"]:
@@ -57,21 +62,13 @@ def triangles_of(places: Float[np.ndarray, "n 3"], faces: Faces) -> Int[np.ndarr
     for count in sorted({len(face) for face in faces} - {0, 1, 2}):
         corners = np.array([face for face in faces if len(face) == count], int)
         plain = fans_out(places[corners])
-        step = np.arange(1, count - 1)
-        cut.append(corners[plain][:, np.stack([0 * step, step, step + 1], -1)].reshape(-1, 3))
+        cut.append(corners[plain][:, _fan(count)].reshape(-1, 3))
         cut += [face[ears(places[face])] for face in corners[~plain]]
     return np.concatenate(cut)
 
 
 def cut_obj(text: bytes) -> bytes:
-    """Give an .obj whose polygons trimesh's fan is right for.
-
-    Raises:
-        ValueError: a face names vertex 0; they are counted from 1, or back from -1.
-    """
-    if zero := _ZERO.search(text):
-        line = zero[0].strip().decode(errors="replace")[:60]
-        raise ValueError(f'a face names vertex 0, where they count from 1: "{line}"')
+    """Give an .obj whose polygons trimesh's fan is right for."""
     faces = list(_FACE.finditer(text))
     if not faces:
         return text
