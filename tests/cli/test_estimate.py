@@ -301,6 +301,14 @@ def test_photos_of_equal_name_do_not_overwrite_each_other(photos, estimate, tmp_
     assert stems == {"scene", "photos_scene", "other_scene"}
 
 
+def test_a_name_as_long_as_a_disk_allows_ends_no_batch(photos, estimate, tmp_path):
+    content = (photos / "scene.jpg").read_bytes()
+    for name in ("a" * 251 + ".jpg", "a" * 250 + ".jpg", "b.jpg"):
+        (photos / name).write_bytes(content)
+    assert estimate(photos, "--light-only") == 0
+    assert len(results(tmp_path)) == 4 * len(RESULTS)
+
+
 def test_a_result_never_replaces_the_photo_it_came_from(estimate, tmp_path):
     (tmp_path / "out").mkdir()
     write_exr(tmp_path / "out/room.exr", np.full((64, 48, 3), 0.5, np.float32))

@@ -165,9 +165,10 @@ def test_a_bad_clip_is_recorded_and_the_others_are_done(
     damage(folder / "two.mp4")
     clips = [str(folder / f"{name}.mp4") for name in ("one", "two")]
     out = tmp_path / "data"
-    assert main(["capture", *clips, "--out", str(out), "--workers", "1"]) == 0
+    assert main(["capture", *clips, "--out", str(out), "--workers", "1"]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
+    assert len(lines) == 2
+    assert "1 of 2 that cannot be used; the others are done" in lines[1]
     assert lines[0].startswith("deeplight capture: two.mp4: ")
     assert message in lines[0]
     failed = report(out, "two")

@@ -194,6 +194,37 @@ def test_a_phones_panorama_is_seen_where_it_shows(tmp_path: Path, metadata: bool
     assert np.median(off) < 0.1
 
 
+def test_a_damaged_photo_is_left_out_and_the_others_keep_their_poses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = photos(tmp_path, 4)
+    Path(names[1]).write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(40))
+    words = ["--poses", poses(tmp_path), "--fov", "66"]
+    assert fuse(tmp_path / "a", *names, *words) == 2
+    first, last = capsys.readouterr().err.strip().splitlines()
+    assert "01.png" in first
+    assert "1 of 4 that cannot be used" in last
+    turned = json.loads(poses(tmp_path).read_text())
+    del turned["frames"][1]
+    poses(tmp_path).write_text(json.dumps(turned))
+    (tmp_path / "less.json").write_text(json.dumps(turned))
+    words = ["--poses", tmp_path / "less.json", "--fov", "66"]
+    assert fuse(tmp_path / "b", names[0], *names[2:], *words) == 0
+    both = [(tmp_path / name / "00.exr").read_bytes() for name in "ab"]
+    assert both[0] == both[1]
+
+
+def test_the_light_is_in_no_camera_that_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = photos(tmp_path, 3)
+    Path(names[1]).write_bytes(b"")
+    words = ["--poses", poses(tmp_path), "--fov", "66", "--frame", "1"]
+    assert fuse(tmp_path / "a", *names, *words) == 2
+    assert "--frame of a photo that is used; got 1" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
+
+
 def test_one_photo_is_too_few(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (photo,) = photos(tmp_path, 1)
     assert fuse(tmp_path / "out", photo) == 2

@@ -166,9 +166,11 @@ def test_the_command_films_and_draws_a_contact_sheet(
     out = tmp_path / "data"
     words = ["simulate", "--hdri", str(folder), "--out", str(out), "--workers", "1"]
     words += ["--recipe.train-takes", "1", "--recipe.frames", "1", "--recipe.eval-takes", "1"]
-    assert main(words) == 0
+    assert main(words) == 2  # of one file
     assert (out / "contact_sheet.png").stat().st_size > 1000
-    assert "skipped p1.exr" in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert "skipped p1.exr" in printed.out
+    assert "1 that cannot be used, named above; the others are done" in printed.err
 
 
 def test_a_missing_folder_is_one_clear_line(
@@ -180,3 +182,14 @@ def test_a_missing_folder_is_one_clear_line(
     assert error.count("\n") == 1
     assert "folder of HDR panoramas" in error
     assert not (tmp_path / "data").exists()
+
+
+def test_a_place_may_have_any_name_that_a_disk_holds(folder: Path, tmp_path: Path) -> None:
+    hdri, recipe = tmp_path / "hdri", Recipe(train_takes=1, eval_takes=1, seen_takes=0, frames=1)
+    hdri.mkdir()
+    for name in ("n\udcff.exr", "z" * 251 + ".exr"):
+        (hdri / name).write_bytes((folder / "p0.exr").read_bytes())
+    shards, simulation = plan(hdri, tmp_path / "data", recipe)
+    manifest = simulate(shards, simulation, engine=Engine(workers=1))
+    assert sum(manifest.examples(split) for split in manifest.splits) >= 2
+    assert not manifest.skipped

@@ -12,7 +12,7 @@ import pytest
 
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.io import atomic
-from deeplight.io.atomic import only_run, replacing
+from deeplight.io.atomic import fitted, only_run, replacing
 from deeplight.io.photograph import write_photograph
 from deeplight.io.radiance import write_exr, write_hdr
 from deeplight.io.video_writer import VideoWriter
@@ -52,6 +52,15 @@ def test_a_failure_keeps_the_old_file_and_leaves_nothing(
 def test_a_block_that_writes_nothing_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), replacing(tmp_path / "light.exr"):
         pass
+
+
+@pytest.mark.parametrize("letter", ["n", "é", "\udcff"])
+def test_a_long_name_is_cut_to_leave_room_and_stays_its_own(letter: str) -> None:
+    size = len(os.fsencode(letter))
+    short, long, other = letter * (225 // size), letter * (250 // size), letter * (248 // size)
+    assert fitted(short) == short
+    assert 210 < len(os.fsencode(fitted(long))) <= 225
+    assert len({fitted(long), fitted(other), fitted(short)}) == 3
 
 
 @pytest.mark.parametrize("stem", ["n" * 250, "é" * 125, "n" * 251, "a." + "x" * 240])

@@ -13,6 +13,11 @@ from deeplight.report.page import Figure, Heading, Link, Page, PageRow, Paragrap
 PIXELS = np.full((4, 6, 3), 90, np.uint8)
 
 
+def test_a_page_of_a_name_that_is_not_utf_8_is_written(tmp_path: Path) -> None:
+    Page("Clip n\udcff", "n\udcff.mp4").write(tmp_path / "a.html")
+    assert "n?.mp4" in (tmp_path / "a.html").read_text(encoding="utf-8")
+
+
 def test_text_is_escaped_and_nothing_comes_from_the_network(tmp_path: Path) -> None:
     page = Page("<script>alert(1)</script>", "a & b")
     page.add(

@@ -177,3 +177,12 @@ def test_the_command_writes_a_stage(tmp_path, capsys):
     assert main(["convert", str(tmp_path / "in.exr"), "--out", str(tmp_path / "a.usda")]) == 0
     assert (tmp_path / "a.usda").read_text().startswith("#usda")
     assert "a.usd.exr" in capsys.readouterr().out
+
+
+def test_a_stage_of_a_name_that_is_not_utf_8_is_refused(tmp_path, capsys):
+    pytest.importorskip("pxr")
+    write_exr(tmp_path / "in.exr", np.full((32, 64, 3), 0.5, np.float32))
+    name = str(tmp_path / "a\udcff.usda")
+    assert main(["convert", str(tmp_path / "in.exr"), "--out", name]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["in.exr"]

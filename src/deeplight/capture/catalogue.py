@@ -5,6 +5,7 @@ simulated clip's truth next to it is asked, never for geometry; every other clip
 """
 
 import hashlib
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -110,7 +111,7 @@ def _known(path: Path, rows: Mapping[str, dict[str, str]], has_table: bool, scen
 
 def drawn_split(stem: str) -> str:
     """Draw a split from a name: 80 % train, 10 % val, 10 % test; the same name, the same split."""
-    draw = int.from_bytes(hashlib.sha256(stem.encode()).digest()[:4], "big") / 2**32
+    draw = int.from_bytes(hashlib.sha256(os.fsencode(stem)).digest()[:4], "big") / 2**32
     return "train" if draw < 0.8 else "val" if draw < 0.9 else "test"
 
 

@@ -67,7 +67,7 @@ def run(args: Args) -> None:
     """Plan, work, and print what came of it.
 
     Raises:
-        InputError: settings that make no sense, or no clip that could be used.
+        InputError: settings that make no sense, or a clip that could not be used.
         OSError: the data set cannot be written.
     """
     from rich.markup import escape
@@ -78,6 +78,7 @@ def run(args: Args) -> None:
     from deeplight.capture.run import Outcome, capture, plan, surest_rig
     from deeplight.cli.screen import progress_bar, results_console
     from deeplight.dataset import add_bases
+    from deeplight.errors import DataSetError
     from deeplight.io.basis_file import load_bases
     from deeplight.jobs import Engine
 
@@ -112,6 +113,9 @@ def run(args: Args) -> None:
     if args.save_rig is not None:
         write_rig_file(args.save_rig, surest_rig(what, manifest))
     console.print(escape(f"look at {args.out / REPORTS / 'index.html'}"))
+    if manifest.skipped:
+        got = f"{len(manifest.skipped)} of {len(what.shards.recipe['clips'])} that cannot be used"
+        raise DataSetError("usable clips", got, "the others are done; see the reports")
 
 
 def _settings(args: Args) -> "CaptureSettings":

@@ -75,7 +75,7 @@ class Args:
 
 def run(args: Args) -> None:
     """Estimate all that can be; of the rest say why not, one line each."""
-    from deeplight.cli.main import describe_os_error
+    from deeplight.cli.main import complaint
     from deeplight.cli.screen import progress_bar, results_console
     from deeplight.errors import ConfigError, InputError
     from deeplight.estimators.batch import BatchSettings, SourceDone, estimate_batch
@@ -107,9 +107,7 @@ def run(args: Args) -> None:
                 bar(int(number > 1))
 
             def complain(error: InputError | OSError) -> None:
-                message = describe_os_error(error) if isinstance(error, OSError) else str(error)
-                line = f"deeplight estimate: {' '.join(message.split())}"
-                bar.console.print(escape(line))
+                bar.console.print(escape(complaint("deeplight estimate", error)))
 
             estimate_batch(
                 estimator,

@@ -10,7 +10,7 @@ on with the clip where it was.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -21,6 +21,7 @@ import tyro
 from rich.markup import escape
 
 if TYPE_CHECKING:
+    from deeplight.errors import InputError
     from deeplight.fuse.frame import SourceFrame
     from deeplight.fuse.fuse import Fused
     from deeplight.fuse.poses import Poses
@@ -72,7 +73,9 @@ class Args:
 def run(args: Args) -> None:
     """Fuse; print what was made and what had to be left out."""
     from deeplight.cli.flags import refuse_unused
-    from deeplight.cli.screen import results_console
+    from deeplight.cli.main import complaint
+    from deeplight.cli.screen import notes_console, results_console
+    from deeplight.errors import ImageFileError
     from deeplight.fuse.results import seen_share
     from deeplight.io.atomic import results_folder
     from deeplight.io.photos import photo_paths
@@ -82,8 +85,14 @@ def run(args: Args) -> None:
     paths = [p for s in args.sources for p in ([s] if is_video(s) else photo_paths([s]))]
     if args.poses is not None or not any(is_video(path) for path in paths):
         refuse_unused(args, "without a clip to look through", "workers")
+    failures: list[InputError | OSError] = []
+
+    def complain(error: "InputError | OSError") -> None:
+        failures.append(error)
+        notes_console().print(escape(complaint("deeplight fuse", error)))
+
     with results_folder(args.out), _kept(paths, args) as kept:
-        fused, files, notes = _fused(paths, args, kept)
+        fused, files, notes = _fused(paths, args, kept, complain)
     console = results_console()
     made = ", ".join([str(files[0]), *(file.name for file in files[1:])])
     console.print(escape(f"{_named(paths)} -> {made}"))
@@ -94,13 +103,16 @@ def run(args: Args) -> None:
     dropped = [f"could not be placed: {', '.join(f.name for f in fused.dropped)}"]
     for note in (seen, *(dropped if fused.dropped else ()), *notes, *fused.notes):
         console.print(f"  [dim]{escape(note)}[/dim]")
+    if failures:
+        got = f"{len(failures)} of {len(paths)} that cannot be used, named above"
+        raise ImageFileError("usable photos", got, "the light is that of the others")
 
 
 @contextmanager
 def _kept(paths: list[Path], args: Args) -> Iterator["KeptFolder | None"]:
     """Where a clip's frames wait until all is written; a kill leaves it, an error does not."""
     from deeplight.estimators.onnx import shipped_model
-    from deeplight.io.atomic import only_run
+    from deeplight.io.atomic import fitted, only_run
     from deeplight.io.kept_folder import KeptFolder, made_of
     from deeplight.io.video import is_video
 
@@ -108,7 +120,7 @@ def _kept(paths: list[Path], args: Args) -> Iterator["KeptFolder | None"]:
         yield None
         return
     files = [paths[0], args.model or shipped_model(), *([args.front] if args.front else [])]
-    kept = KeptFolder(args.out / f".{paths[0].stem}.fusing", made_of(files, args.fov))
+    kept = KeptFolder(args.out / f".{fitted(paths[0].stem)}.fusing", made_of(files, args.fov))
     with only_run(kept.folder):
         try:
             yield kept
@@ -119,7 +131,10 @@ def _kept(paths: list[Path], args: Args) -> Iterator["KeptFolder | None"]:
 
 
 def _fused(
-    paths: list[Path], args: Args, kept: "KeptFolder | None"
+    paths: list[Path],
+    args: Args,
+    kept: "KeptFolder | None",
+    complain: Callable[["InputError | OSError"], None],
 ) -> tuple["Fused", list[Path], list[str]]:
     """The light, its files, and what was left out."""
     from deeplight.cli.flags import refuse_unused
@@ -129,12 +144,14 @@ def _fused(
     from deeplight.fuse.poses import read_poses
     from deeplight.fuse.results import write_fused
     from deeplight.fuse.sources import read_frames
+    from deeplight.io.atomic import fitted
     from deeplight.io.orientation import TOOLS
     from deeplight.io.photos import read_photo
+    from deeplight.io.video import is_video
 
     poses = None if args.poses is None else read_poses(args.poses, _upright(paths[0]))
     estimator = open_model(args.model)
-    frames = read_frames(paths, poses, kept, args.workers)
+    frames = read_frames(paths, poses, kept, args.workers, complain)
     notes = []
     if poses is not None:
         posed = [_posed(frame, poses, args.fov) for frame in frames]
@@ -144,12 +161,12 @@ def _fused(
     elif all(frame.world_from_camera is not None for frame in frames):
         refuse_unused(args, "with panoramas, which say it themselves", "fov")
     front = None if args.front is None else frame_of(read_photo(args.front), args.front.name, -1)
-    asked = _place(frames, args.frame)
+    asked = _place(frames, args.frame, is_clip=kept is not None or is_video(paths[0]))
     settings = FuseSettings(args.fov, asked, args.level, args.height)
     fused = fuse_frames(frames, estimator, settings, front, kept)
     tool = TOOLS.get(args.made_for or "")
     turn = tool.turn if tool else None
-    files = write_fused(fused, estimator, args.out, paths[0].stem, turn, args.hdr)
+    files = write_fused(fused, estimator, args.out, fitted(paths[0].stem), turn, args.hdr)
     if args.session is not None:
         fused.session.save(args.session)
     return fused, files, notes
@@ -191,8 +208,8 @@ def _upright(path: Path) -> bool:
     return height > width
 
 
-def _place(frames: Sequence["SourceFrame"], number: int | None) -> int | None:
-    """The place of a frame of the clip among those used: the nearest one."""
+def _place(frames: Sequence["SourceFrame"], number: int | None, is_clip: bool) -> int | None:
+    """The place of a photo among those used; of a clip's frame, that of the nearest one."""
     from deeplight.errors import ConfigError, ImageFileError
 
     if not frames:
@@ -203,6 +220,8 @@ def _place(frames: Sequence["SourceFrame"], number: int | None) -> int | None:
     step = max((b - a for a, b in pairwise(numbers)), default=1)  # of a clip not all are used
     if not 0 <= number < numbers[-1] + step:
         raise ConfigError(f"--frame from 0 to {numbers[-1]}", f"{number}", "name one of them")
+    if not is_clip and number not in numbers:
+        raise ConfigError("--frame of a photo that is used", f"{number}", "name another")
     return min(range(len(frames)), key=lambda k: abs(frames[k].number - number))
 
 

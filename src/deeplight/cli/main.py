@@ -139,6 +139,12 @@ def describe_os_error(error: OSError) -> str:
     return f"{names}: {error.strerror}" if names else error.strerror
 
 
+def complaint(program: str, error: InputError | OSError) -> str:
+    """One line of what cannot be used, for a verb that goes on with the rest."""
+    message = describe_os_error(error) if isinstance(error, OSError) else str(error)
+    return f"{program}: {' '.join(message.split())}"
+
+
 def _complain(program: str, message: str) -> int:
     sys.stderr.write(f"{program}: {' '.join(message.split())}\n")
     return BAD_INPUT

@@ -39,8 +39,9 @@ def run(args: Args) -> None:
     from deeplight.cli.screen import progress_bar, results_console
     from deeplight.dataset import open_dataset
     from deeplight.dataset.contact_sheet import write_contact_sheet
+    from deeplight.errors import DataSetError
     from deeplight.jobs import Engine
-    from deeplight.simulate.run import plan, simulate
+    from deeplight.simulate.run import MADE_UP_GROUND, plan, simulate
 
     engine = Engine(args.engine, args.workers, args.ray_address)
     shards, simulation = plan(args.hdri, args.out, args.recipe)
@@ -57,3 +58,7 @@ def run(args: Args) -> None:
     for item in manifest.skipped:
         console.print(escape(f"skipped {item.file}: {item.reason}"), style="yellow")
     console.print(f"{missing / seconds:.0f} images/s; look at {sheet}")
+    unusable = [item for item in manifest.skipped if item.reason != MADE_UP_GROUND]
+    if unusable:
+        got = f"{len(unusable)} that cannot be used, named above"
+        raise DataSetError("usable panoramas", got, "the others are done")

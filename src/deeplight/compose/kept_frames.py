@@ -13,7 +13,7 @@ from PIL import Image
 
 from deeplight.compose.composite import Composite
 from deeplight.errors import ImageFileError
-from deeplight.io.atomic import replacing
+from deeplight.io.atomic import fitted, replacing
 from deeplight.io.boundary import reading
 from deeplight.io.kept_folder import KeptFolder
 
@@ -30,7 +30,7 @@ class KeptFrames(KeptFolder):
     """
 
     def __init__(self, out: Path, key: bytes) -> None:
-        super().__init__(out.with_name(f".{out.name}.frames"), key)
+        super().__init__(out.with_name(f".{fitted(out.name)}.frames"), key)
 
     def find(
         self, number: int, plate: UInt8[np.ndarray, "height width 3"]

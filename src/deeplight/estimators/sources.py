@@ -6,6 +6,7 @@ from itertools import count
 from pathlib import Path
 
 from deeplight.errors import InputError
+from deeplight.io.atomic import fitted
 from deeplight.io.photos import Photo, photo_paths, read_photo
 from deeplight.io.video import frames, is_video
 
@@ -67,12 +68,12 @@ def find_sources(
 
 
 def _names(file: Path) -> Iterator[str]:
-    """Give names for the results of `file`, the nicest first."""
-    yield file.stem
+    """Give names for the results of `file`, the nicest first; shortened if they must be."""
+    yield fitted(file.stem)
     if file.resolve().parent.name:
-        yield f"{file.resolve().parent.name}_{file.stem}"
-    yield f"{file.stem}_{file.suffix.removeprefix('.')}"
-    yield from (f"{file.stem}_{number}" for number in count(2))
+        yield fitted(f"{file.resolve().parent.name}_{file.stem}")
+    yield fitted(f"{file.stem}_{file.suffix.removeprefix('.')}")
+    yield from (f"{fitted(file.stem)}_{number}" for number in count(2))
 
 
 def _is_free(name: str, out: Path, taken: set[str], inputs: set[str]) -> bool:

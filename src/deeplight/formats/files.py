@@ -17,6 +17,7 @@ from deeplight.formats.webxr import light_estimate_file
 from deeplight.harmonics import spherical_harmonics
 from deeplight.io.atomic import replacing
 from deeplight.io.gain_map import write_gain_map_jpeg
+from deeplight.io.image_file import is_utf8
 from deeplight.io.ktx2 import write_ktx2
 from deeplight.io.lighting_file import (
     FRAME,
@@ -263,6 +264,8 @@ def _usd(environment: Environment, spec: FileSpec) -> list[Path]:
         raise MissingExtraError("usd", f"writing {spec.path.name}") from error
     if spec.made_for is not None:
         raise ConfigError("a USD stage", f"--for {spec.made_for}", "drop --for")
+    if not is_utf8(spec.path):  # as the names in a stage are
+        raise ConfigError("a name in UTF-8", f"{ascii(spec.path.name)}", "rename it")
     texture = _picture_next_to(spec, "usd")
     files = _picture(environment, texture)
     write_usd(spec.path, environment.lights, texture.path.name)

@@ -1,10 +1,10 @@
 """What `deeplight fuse` is given, as frames: photos, a clip's best frames, phone panoramas."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from deeplight.errors import ConfigError
+from deeplight.errors import ConfigError, InputError
 from deeplight.frames import Rotation
 from deeplight.fuse.clip import clip_frames
 from deeplight.fuse.frame import SourceFrame, frame_of
@@ -20,7 +20,11 @@ _POSED_RAD = math.radians(6)
 
 
 def read_frames(
-    paths: Sequence[Path], poses: Poses | None, kept: KeptFolder | None = None, workers: int = 1
+    paths: Sequence[Path],
+    poses: Poses | None,
+    kept: KeptFolder | None = None,
+    workers: int = 1,
+    on_failure: Callable[[InputError | OSError], None] | None = None,
 ) -> list[SourceFrame]:
     """Read a clip, photos or panoramas; frames that no pose places are left out if there are poses.
 
@@ -29,6 +33,8 @@ def read_frames(
         poses: how the camera was turned.
         kept: where a clip without poses finds what a killed run has done.
         workers: processes for a clip without poses; 0 is one per core.
+        on_failure: called with why one of several photos cannot be used, which is then left out;
+            the others keep their numbers.
 
     Raises:
         OSError, InputError: a file cannot be read or is no photo, clip or panorama.
@@ -41,20 +47,33 @@ def read_frames(
         (clip,) = clips
         return thinned(clip_frames(clip, kept, workers) if poses is None else _posed(clip, poses))
     found: list[SourceFrame] = []
+    number = 0
     for path in paths:
-        photo = read_photo(path)
-        whole = photo.pixels
-        # A lone photo cannot be fused: twice as wide as high, it is a sphere without metadata.
-        sphere = poses is None and len(paths) == 1 and whole.shape[1] == 2 * whole.shape[0]
-        if is_panorama(path) or (sphere and photo.vertical_fov_rad is None):
-            notes = panorama_notes(path, *whole.shape[:2])
-            found += [
-                SourceFrame(path.name, pixels, len(found) + k, 0.0, fov, 0.0, turn, notes)
-                for k, (pixels, fov, turn) in enumerate(panorama_frames(path, whole))
-            ]
-        else:
-            found.append(frame_of(photo, path.name, len(found)))
+        try:
+            of_path = _of_photo(path, number, is_alone=poses is None and len(paths) == 1)
+        except (InputError, OSError) as error:
+            if on_failure is None or len(paths) == 1:
+                raise
+            on_failure(error)
+            of_path = []
+        found += of_path
+        number += max(len(of_path), 1)
     return found
+
+
+def _of_photo(path: Path, number: int, is_alone: bool) -> list[SourceFrame]:
+    """A photo, or a panorama's parts, numbered from `number`."""
+    photo = read_photo(path)
+    whole = photo.pixels
+    # A lone photo cannot be fused: twice as wide as high, it is a sphere without metadata.
+    sphere = is_alone and whole.shape[1] == 2 * whole.shape[0]
+    if not is_panorama(path) and not (sphere and photo.vertical_fov_rad is None):
+        return [frame_of(photo, path.name, number)]
+    notes = panorama_notes(path, *whole.shape[:2])
+    return [
+        SourceFrame(path.name, pixels, number + k, 0.0, fov, 0.0, turn, notes)
+        for k, (pixels, fov, turn) in enumerate(panorama_frames(path, whole))
+    ]
 
 
 def thinned(source: Iterator[SourceFrame]) -> list[SourceFrame]:

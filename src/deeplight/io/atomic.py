@@ -17,6 +17,7 @@ from deeplight.errors import ConfigError
 
 MAX_NAME_BYTES = 255
 LONGEST_SUFFIX = 20
+LONGEST_ADDITION = 30  # a frame's number and ".preview.png", say
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
 _LEFTOVER = re.compile(r"\..*\.dl-(?P<where>[0-9a-f]{8})-(?P<process>[0-9a-f]+)-[0-9a-f]{8}(\..*)?")
 
@@ -67,6 +68,20 @@ def staging(folder: Path, stem: str) -> Iterator[Path]:
         yield made
     finally:
         shutil.rmtree(made, ignore_errors=True)
+
+
+def fitted(name: str) -> str:
+    """Give a name short enough to have `LONGEST_ADDITION` more bytes added, cut where it is not.
+
+    What was cut off is left as its hash, so that different names stay different.
+    """
+    most = MAX_NAME_BYTES - LONGEST_ADDITION
+    if len(os.fsencode(name)) <= most:
+        return name
+    end = f"-{hashlib.sha256(os.fsencode(name)).hexdigest()[:8]}"
+    while len(os.fsencode(name)) > most - len(end):
+        name = name[:-1]
+    return name + end
 
 
 def _temporary_name(path: Path) -> str:

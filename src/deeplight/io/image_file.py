@@ -63,11 +63,11 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
 @contextmanager
 def _openable(path: Path, content: bytes | None) -> Iterator[str]:
     """A name by which OpenImageIO can read the file, or `content` instead: it takes UTF-8 alone."""
-    if _is_utf8(path) and content is None:
+    if is_utf8(path) and content is None:
         yield str(path)
         return
     with TemporaryDirectory(prefix="deeplight-") as folder:
-        suffix = path.suffix if _is_utf8(Path(path.suffix)) else ""
+        suffix = path.suffix if is_utf8(Path(path.suffix)) else ""
         stand_in = Path(folder) / f"picture{suffix}"
         if content is not None:
             stand_in.write_bytes(content)
@@ -76,7 +76,8 @@ def _openable(path: Path, content: bytes | None) -> Iterator[str]:
         yield str(stand_in)
 
 
-def _is_utf8(path: Path) -> bool:
+def is_utf8(path: Path) -> bool:
+    """Whether a path's bytes are UTF-8, as many libraries need it."""
     try:
         os.fsencode(path).decode("utf-8")
     except UnicodeDecodeError:
@@ -93,7 +94,7 @@ def write_image(path: Path, spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
     """
     spec.attribute("DateTime", "")  # left out, OpenImageIO writes the time of day
     with replacing(path) as temporary:
-        if not _is_utf8(temporary):
+        if not is_utf8(temporary):
             got = f"{ascii(str(path.parent))}, whose name is not UTF-8"
             raise ImageFileError("a folder to write into", got, "rename it, or give another")
         file = oiio.ImageOutput.create(str(temporary))

@@ -133,7 +133,7 @@ class Page:
         """
         html = self.html()
         with replacing(path) as temporary:
-            temporary.write_text(html, encoding="utf-8")
+            temporary.write_text(html, encoding="utf-8", errors="replace")  # names may not be
 
     def __iter__(self) -> Iterator[Block]:
         return iter(self.blocks)

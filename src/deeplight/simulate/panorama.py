@@ -1,6 +1,7 @@
 """Places to film in: HDR panoramas, where they were taken, and which split they belong to."""
 
 import hashlib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,7 +119,7 @@ def _listed(manifest: Path) -> Iterator[Place]:
 
 def split_drawn_for(name: str) -> str:
     """The split of a place of which nothing but its name is known: 80 % train, 10 % val, test."""
-    draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32
+    draw = int.from_bytes(hashlib.sha256(os.fsencode(name)).digest()[:4], "big") / 2**32
     return "train" if draw < 0.8 else "val" if draw < 0.9 else "test"
 
 

@@ -1,6 +1,7 @@
 """From a folder of panoramas to a data set: plan the shards, film them, in parallel."""
 
 import math
+import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
@@ -32,6 +33,7 @@ from deeplight.simulate.take import Frame, film
 from deeplight.simulate.vary import varied
 from deeplight.sphere import PAPER_RIG
 
+MADE_UP_GROUND = "its ground is made up"  # why a panorama is left out on purpose
 _UNSAFE = re.compile(r"[^A-Za-z0-9_-]")  # in names of takes; their numbers keep them apart
 _LONGEST_VISIT = {"v1": 4, "v2": 16}  # takes in a row in one place: it is read once for them all
 _EV100 = {"indoor": (6.5, 1.5), "outdoor": (12.5, 1.5)}  # assumed for a place: mean and spread
@@ -135,7 +137,7 @@ class Simulation:
         if made:
             radiance = varied(radiance, other)
             light = _light(radiance, place) if light else None
-        seed = [recipe.seed, *split.encode(), *place.path.stem.encode()]
+        seed = [recipe.seed, *split.encode(), *os.fsencode(place.path.stem)]
         if light:
             camera, frames = _filmed_by_many(light, place, split, recipe.frames, [*seed], take)
         else:
@@ -155,7 +157,7 @@ class _Opened:
 
 
 def _light(radiance: np.ndarray, place: Place) -> PlaceLight:
-    rng = np.random.default_rng([*place.name.encode()])
+    rng = np.random.default_rng([*os.fsencode(place.name)])
     return PlaceLight.of(radiance, float(rng.normal(*_EV100[place.scene])))
 
 
@@ -191,9 +193,7 @@ def arranged(folder: Path, recipe: Recipe) -> tuple[list[ShardJob], Simulation, 
     """The shards, what films them, and what a plan remembers of that; see `plan`."""
     everything = panorama.places_in(folder)
     usable = [p for p in everything if recipe.synthetic_ground or not p.synthetic_ground]
-    left_out = tuple(
-        Skipped(p.path.name, "its ground is made up") for p in everything if p not in usable
-    )
+    left_out = tuple(Skipped(p.path.name, MADE_UP_GROUND) for p in everything if p not in usable)
     places: dict[str, list[Place]] = {}
     for place in usable:
         training = ["train"] if place.split == "train" else []
