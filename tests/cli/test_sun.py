@@ -1,6 +1,7 @@
 """The sun where it stood: astronomy against a published figure, EXIF of phones, shadows."""
 
 import json
+import struct
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -119,6 +120,35 @@ def test_exif_gives_place_time_and_heading(tmp_path):
     assert whereabouts_of(None) is None
     Image.new("RGB", (64, 64)).save(tmp_path / "plain.jpg")
     assert whereabouts_of(tmp_path / "plain.jpg") is None
+
+
+UNKNOWN = 0xFFFFFFFF
+ENTRIES = {
+    "hours without end": {7: (IFDRational(UNKNOWN - 1, 1), IFDRational(0, 1), IFDRational(0, 1))},
+    "the end of time": {7: tuple(IFDRational(n, 1) for n in (24, 0, 0)), 29: "9999:12:31"},
+    "one number for three": {2: IFDRational(39, 1)},
+}
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_places_and_times_that_cannot_be_are_none(tmp_path, name):
+    with Image.open(save_photo(tmp_path / "a.jpg", 154.34)) as picture:
+        exif = picture.getexif()
+        assert exif.get_ifd(0x8825)[17] == pytest.approx(154.34)
+        exif.get_ifd(0x8825).update(ENTRIES[name])
+        picture.save(tmp_path / "b.jpg", exif=exif)
+    assert whereabouts_of(tmp_path / "b.jpg") is None
+
+
+def test_a_heading_may_be_unknown(tmp_path):
+    path = save_photo(tmp_path / "a.jpg", 123.47)
+    content = path.read_bytes()
+    for order in "<>":  # by hand, since Pillow writes 0 / FFFFFFFF as 0 / 1
+        written, unknown = struct.pack(f"{order}II", 12347, 100), struct.pack("<II", 0, UNKNOWN)
+        content = content.replace(written, unknown)
+    (tmp_path / "b.jpg").write_bytes(content)
+    assert whereabouts_of(path).heading_deg == pytest.approx(123.47)
+    assert whereabouts_of(tmp_path / "b.jpg") is None
 
 
 @pytest.mark.parametrize(("seconds", "used"), [((1, 2000), True), ((1, 20), False)])

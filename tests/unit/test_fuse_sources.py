@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
 
 from deeplight.fuse.frame import SourceFrame, log_exposure_of
 from deeplight.fuse.panorama_photo import is_panorama
@@ -36,7 +37,18 @@ def test_exposure_is_time_times_iso_over_f_number_squared(tmp_path: Path) -> Non
     assert log_exposure_of(file) == pytest.approx(math.log(0.01 * 400 / 4))
 
 
-@pytest.mark.parametrize("tags", [{}, {"time": 0.01}, {"time": 0.01, "f_number": 0.0, "iso": 100}])
+UNKNOWN = IFDRational(1, 0xFFFFFFFF)
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        {},
+        {"time": 0.01},
+        {"time": 0.01, "f_number": 0.0, "iso": 100},
+        {"time": 0.01, "f_number": UNKNOWN, "iso": 100},
+    ],
+)
 def test_what_is_missing_or_nonsense_is_not_known(tmp_path: Path, tags: dict[str, float]) -> None:
     assert math.isnan(log_exposure_of(photo(tmp_path / "a.jpg", **tags)))
 

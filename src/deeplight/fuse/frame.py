@@ -10,7 +10,7 @@ from jaxtyping import UInt8
 
 from deeplight.frames import Rotation
 from deeplight.fuse.track import WORKING_SIDE
-from deeplight.io.exif import exif_directories
+from deeplight.io.exif import exif_directories, number
 from deeplight.io.photos import Photo
 
 
@@ -64,12 +64,11 @@ def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "ro
 
 def log_exposure_of(path: Path) -> float:
     """ln of exposure time times ISO over the f-number squared, from EXIF data; nan without them."""
-    try:
-        camera = exif_directories(path).camera
-        values = [float(camera.get(tag, math.nan)) for tag in (0x829A, 0x829D)]
-        iso = camera.get(0x8827, math.nan)
-        sensitivity = float(iso[0] if isinstance(iso, tuple) else iso)
-        exposure = values[0] * sensitivity / values[1] ** 2
-    except (ValueError, TypeError, ZeroDivisionError):
-        return math.nan  # nonsense in its data
-    return math.log(exposure) if 0 < exposure < math.inf else math.nan
+    camera = exif_directories(path).camera
+    iso = camera.get(0x8827)
+    speed = iso[0] if isinstance(iso, tuple) and iso else iso
+    values = [number(value) for value in (camera.get(0x829A), camera.get(0x829D), speed)]
+    seconds, aperture, sensitivity = (value or 0.0 for value in values)
+    if min(seconds, aperture, sensitivity) <= 0:
+        return math.nan  # missing, unknown or nonsense
+    return math.log(seconds) + math.log(sensitivity) - 2 * math.log(aperture)

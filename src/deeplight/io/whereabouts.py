@@ -10,7 +10,7 @@ from math import log2
 from pathlib import Path
 from typing import Any, Literal
 
-from deeplight.io.exif import exif_directories
+from deeplight.io.exif import exif_directories, number
 
 _LATITUDE, _LONGITUDE, _ALTITUDE_M, _TIME, _HEADING, _DATE = 2, 4, 6, 7, 17, 29
 _TAKEN, _OFFSET = 0x9003, 0x9011  # DateTimeOriginal, OffsetTimeOriginal
@@ -50,11 +50,11 @@ def whereabouts_of(path: Path | str | None) -> Whereabouts | None:
         gps, camera = exif.gps, exif.camera
         latitude = _angle(gps[_LATITUDE], gps.get(_LATITUDE - 1, "N"), "S")
         longitude = _angle(gps[_LONGITUDE], gps.get(_LONGITUDE - 1, "E"), "W")
-        heading = float(gps[_HEADING])
+        heading = _known(gps[_HEADING])
         reference = str(gps.get(_HEADING - 1, "T")).strip("\0 ").upper()
         time = _time(gps, camera)
-        altitude = float(gps.get(_ALTITUDE_M, 0.0))
-    except (OSError, KeyError, ValueError, TypeError, SyntaxError, ZeroDivisionError, struct.error):
+        altitude = number(gps.get(_ALTITUDE_M)) or 0.0
+    except (OSError, KeyError, ValueError, TypeError, SyntaxError, ArithmeticError, struct.error):
         return None
     sane = abs(latitude) <= 90 and abs(longitude) <= 180 and 0 <= heading <= 360
     if time is None or not sane or reference not in ("T", "M"):
@@ -68,17 +68,29 @@ def whereabouts_of(path: Path | str | None) -> Whereabouts | None:
 def _exposure_value(camera: Any) -> float | None:
     """From ExposureTime, FNumber and ISO (APEX); None where one of them is missing."""
     try:
-        seconds, aperture = float(camera[_EXPOSURE_S]), float(camera[_APERTURE])
+        seconds, aperture = _known(camera[_EXPOSURE_S]), _known(camera[_APERTURE])
         iso = camera[_ISO]
-        speed = float(iso[0] if isinstance(iso, tuple) else iso)
+        speed = _known(iso[0] if isinstance(iso, tuple) else iso)
         return log2(aperture**2 / seconds) - log2(speed / 100)
-    except (KeyError, ValueError, TypeError, ZeroDivisionError, IndexError):
+    except (KeyError, ValueError, ArithmeticError, IndexError):
         return None
+
+
+def _known(value: Any) -> float:
+    """The number of an entry.
+
+    Raises:
+        ValueError: it is none, or says that it is unknown.
+    """
+    found = number(value)
+    if found is None:
+        raise ValueError("no number")
+    return found
 
 
 def _angle(parts: Any, reference: Any, negative: str) -> float:
     """Degrees, minutes and seconds as one signed number of degrees."""
-    degrees, minutes, seconds = (float(part) for part in parts)
+    degrees, minutes, seconds = (_known(part) for part in parts)
     value = degrees + minutes / 60 + seconds / 3600
     return -value if str(reference).strip("\0 ").upper() == negative else value
 
@@ -87,7 +99,7 @@ def _time(gps: Any, camera: Any) -> datetime | None:
     """GPS time, which is UTC; else the camera's clock with its offset from UTC."""
     if _DATE in gps and _TIME in gps:
         day = datetime.strptime(str(gps[_DATE]).strip("\0 "), "%Y:%m:%d").replace(tzinfo=UTC)
-        hours, minutes, seconds = (float(part) for part in gps[_TIME])
+        hours, minutes, seconds = (_known(part) for part in gps[_TIME])
         return day + timedelta(hours=hours, minutes=minutes, seconds=seconds)
     if _TAKEN in camera and _OFFSET in camera:
         local = datetime.strptime(str(camera[_TAKEN]).strip("\0 "), _EXIF_TIME)
