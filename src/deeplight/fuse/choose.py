@@ -104,7 +104,7 @@ def _followed(last: Tiny, now: Tiny) -> Float[np.ndarray, "n 2"]:
 
 def _tiny(still: VideoFrame) -> Tiny:
     def average(luma: np.ndarray) -> np.ndarray:
-        step = max(1, min(luma.shape) // (4 * _TINY))  # every pixel of a large frame is not needed
+        step = max(1, min(luma.shape) // (3 * _TINY))  # every pixel of a large frame is not needed
         luma = np.ascontiguousarray(luma[::step, ::step])
         scale = _TINY / min(luma.shape)
         size = (round(luma.shape[1] * scale), round(luma.shape[0] * scale))
