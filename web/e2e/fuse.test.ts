@@ -93,18 +93,18 @@ async function kept(page: Page): Promise<{ light: Float32Array; rows: number }> 
       }
       return btoa(letters);
     };
-    const frames = window.recorded.slice(0, last + 1).map(async ({ image, rotation }) => {
+    const frames = window.recorded.slice(0, last + 1).map(async ({ image, rotation, light }) => {
       const canvas = new OffscreenCanvas(image.width, image.height);
       canvas.getContext("2d")!.putImageData(image, 0, 0);
       const blob = await canvas.convertToBlob({ type: "image/png" });
-      return { rotation, png: text(new Uint8Array(await blob.arrayBuffer())) };
+      return { rotation, isLit: light !== null, png: text(new Uint8Array(await blob.arrayBuffer())) };
     });
     const { radiance, seen, height } = window.recorded[last]!.light!;
     const values = new Float32Array([...radiance, ...seen]);
     const light = text(new Uint8Array(values.buffer));
     return { frames: await Promise.all(frames), light, rows: height };
   });
-  const named = frames.map(({ rotation }, i) => ({ rotation, file: `${i}.png` }));
+  const named = frames.map(({ png: _, ...frame }, i) => ({ ...frame, file: `${i}.png` }));
   for (const [i, { png }] of frames.entries()) {
     await writeFile(path.join(folder, `${i}.png`), Buffer.from(png, "base64"));
   }

@@ -1,7 +1,8 @@
 """What Python's session makes of frames that a page recorded: python fused.py FOLDER.
 
-FOLDER holds `frames.json` (file, rotation, and rows of the light wanted) and the frames.
-`light.f32` is written there: radiance, then what was seen, in the world's frame.
+FOLDER holds the frames and `frames.json`: file, rotation and whether the page was given a light
+then, and rows of the light wanted. `light.f32` is written there: radiance of the last light, then
+what was seen, in the world's frame.
 """
 
 import json
@@ -22,6 +23,7 @@ for frame in record["frames"]:
         session = Session(estimate.framing.vertical_fov_rad, lambda _: np.empty(0))
     logs = np.log(np.maximum(estimate.lighting.radiance, 1e-30))
     added = session.add(estimate.photo.pixels, np.reshape(frame["rotation"], (3, 3)), logs)
-light = session.environment(np.eye(3), added.log_gain, record["rows"])
+    if frame["isLit"]:  # what is shown steadily depends on what was shown before
+        light = session.environment(np.eye(3), added.log_gain, record["rows"], steady=True)
 parts = [light.radiance.ravel(), light.seen.ravel()]
 np.concatenate(parts).astype("<f4").tofile(folder / "light.f32")
