@@ -41,9 +41,11 @@ run: $(VENV)/.installed-base
 	@echo "To look at: out/examples/*.preview.png (the photo, its light, the three spheres)"
 	@echo "To light with: out/examples/*.exr, described by *.json"
 
-# A file's tests stay in one process: what they share is made once.
+# A file's tests stay in one process: what they share is made once. tests/conftest.py orders them.
+SHARED_OUT := -n $(JOBS) --dist loadfile --no-loadscope-reorder
+
 test: $(VENV)/.installed-test
-	$(BIN)/pytest -n $(JOBS) --dist loadfile
+	$(BIN)/pytest $(SHARED_OUT)
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
@@ -55,7 +57,7 @@ slow: $(VENV)/.installed-test
 	$(BIN)/pytest -m slow -n $(JOBS) --timeout 3600
 
 coverage: $(VENV)/.installed-test
-	$(BIN)/pytest -n $(JOBS) --dist loadfile --cov=deeplight --cov-report=term-missing:skip-covered --cov-fail-under=95
+	$(BIN)/pytest $(SHARED_OUT) --cov=deeplight --cov-report=term-missing:skip-covered --cov-fail-under=95
 
 CASES ?= 1000
 

@@ -27,6 +27,16 @@ OPTIONAL = set(
 )
 
 
+# The files whose tests take longest, longest first. Two processes that share the files end together
+# only if what is begun last is short; pytest-xdist itself goes by the number of tests.
+LONGEST = (
+    "test_evaluate test_export test_rivals test_train_resume test_estimate test_fuse_command"
+    " test_train_fresh test_light_stage test_bracket test_film test_training_lamps test_benchmark"
+    " test_training_heads test_resample test_locate_routes test_simulate test_compose test_convert"
+    " test_mitsuba test_light_stage_mirror test_fuzz test_onnx test_trial test_locate_parts"
+).split()
+
+
 class OptionalModule(pytest.Module):
     """A file of tests; one that imports an optional package which is not there is skipped."""
 
@@ -51,7 +61,9 @@ def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """`pytest.mark.needs("av")`: for what is imported only while a test runs."""
+    """The longest files first; `pytest.mark.needs("av")` is for imports while a test runs."""
+    place = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
     for item in items:
         for mark in item.iter_markers("needs"):
             for package in mark.args:

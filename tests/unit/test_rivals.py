@@ -1,6 +1,7 @@
 """The rivals of section 4.3: made-up skies come back, and each learns eight examples by heart."""
 
 import pickle
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,6 +111,22 @@ def rooms(count: int = 4) -> list[np.ndarray]:
         panorama[30:54, left : left + 30] = 30 * random.uniform(0.7, 1.0, 3)
         found.append(panorama.astype(np.float32))
     return found
+
+
+@pytest.fixture(scope="module", autouse=True)
+def skies_fitted_once() -> Iterator[None]:
+    """Every training fits the same four skies, each for a quarter of a second."""
+    found: dict[bytes, Sky] = {}
+
+    def once(panorama: np.ndarray) -> Sky:
+        key = panorama.tobytes()
+        if key not in found:
+            found[key] = fitted_sky(panorama)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hold_geoffroy_2017, "fitted_sky", once)
+        yield
 
 
 @pytest.fixture(scope="module")
