@@ -4,6 +4,7 @@ import pickle
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,15 +27,10 @@ from deeplight.mappings import latlong
 from deeplight.training.model_file import load_network
 from deeplight.training.network.imagenet import named_convolutions
 from deeplight.training.network.mobilenet_v2 import MobileNetV2Encoder
+from made_up_places import places, rooms, towards
 from toy_data import write_toy_data
 
 pytestmark = pytest.mark.needs("scipy")
-
-
-def towards(elevation_deg: float, azimuth_deg: float) -> np.ndarray:
-    """0 degrees is the middle of a panorama, 90 right of it."""
-    up, around = np.radians(elevation_deg), np.radians(azimuth_deg)
-    return np.array([np.cos(up) * np.sin(around), np.sin(up), -np.cos(up) * np.cos(around)])
 
 
 # -- the sky ---------------------------------------------------------------------------------------
@@ -89,30 +85,6 @@ def test_a_region_behind_the_camera_is_one() -> None:
 VIEWS = ViewPlan(64, 48, per_panorama=2, fov_deg=(50, 50))
 
 
-def places(count: int = 4) -> list[np.ndarray]:
-    """Skies, each over another coloured floor so that views differ."""
-    random = np.random.default_rng(1)
-    found = []
-    for number in range(count):
-        panorama = Sky(towards(25 + 12 * number, 90 * number + 10), 2.5 + number).panorama(128)
-        blocks = np.kron(random.uniform(0.02, 0.3, (8, 32, 3)), np.ones((8, 8, 1)))
-        panorama[64:] = blocks
-        found.append(panorama.astype(np.float32))
-    return found
-
-
-def rooms(count: int = 4) -> list[np.ndarray]:
-    """Dim walls, each with a window of its own in another place."""
-    random = np.random.default_rng(2)
-    found = []
-    for number in range(count):
-        panorama = np.kron(random.uniform(0.05, 0.4, (16, 32, 3)), np.ones((8, 8, 1)))
-        left = 10 + 60 * number
-        panorama[30:54, left : left + 30] = 30 * random.uniform(0.7, 1.0, 3)
-        found.append(panorama.astype(np.float32))
-    return found
-
-
 @pytest.fixture(scope="module", autouse=True)
 def skies_fitted_once() -> Iterator[None]:
     """Every training fits the same four skies, each for a quarter of a second."""
@@ -120,9 +92,7 @@ def skies_fitted_once() -> Iterator[None]:
 
     def once(panorama: np.ndarray) -> Sky:
         key = panorama.tobytes()
-        if key not in found:
-            found[key] = fitted_sky(panorama)
-        return found[key]
+        return found.get(key) or found.setdefault(key, fitted_sky(panorama))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(hold_geoffroy_2017, "fitted_sky", once)
@@ -196,6 +166,10 @@ def smaller(config: RivalConfig, width: float, photo_size: tuple[int, int]) -> R
     height, across = photo_size
     views = replace(config.views, height=height, width=across)
     return replace(config, width=width, photo_size=photo_size, views=views)
+
+
+def smallest(**settings: Any) -> RivalConfig:
+    return replace(smaller(PRESETS["hold_geoffroy_2017"], 0.05, (24, 32)), batch_size=4, **settings)
 
 
 def test_as_published_they_have_the_papers_sizes() -> None:
@@ -346,8 +320,7 @@ def test_a_killed_training_goes_on_to_the_same_rival(
     tmp_path: Path, pairs: list[Pair], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("deeplight.evaluate.rivals.training.CHECKPOINT_EVERY", 2)
-    config = smaller(PRESETS["hold_geoffroy_2017"], 0.05, (24, 32))
-    config = replace(config, steps=7, batch_size=4, cosine=True)
+    config = smallest(steps=7, cosine=True)
     held_out, checkpoint = pairs[6:], tmp_path / "rival.checkpoint"
     whole = train_rival(config, pairs[:6], held_out)
 
@@ -373,16 +346,14 @@ def test_a_killed_training_goes_on_to_the_same_rival(
 
 
 def test_a_training_whose_time_is_over_keeps_what_it_has(pairs: list[Pair]) -> None:
-    config = smaller(PRESETS["hold_geoffroy_2017"], 0.05, (24, 32))
-    config = replace(config, steps=500, batch_size=4)
+    config = smallest(steps=500)
     rival = train_rival(config, pairs[:6], pairs[6:], minutes=1e-4)
     assert 1 <= len(rival.history) < 10
     assert np.isfinite(rival.panorama(pairs[0].photo)).all()
 
 
 def test_the_step_with_the_least_loss_on_held_out_views_is_kept(pairs: list[Pair]) -> None:
-    config = smaller(PRESETS["hold_geoffroy_2017"], 0.05, (24, 32))
-    config = replace(config, steps=12, batch_size=4, learning_rate=0.02)
+    config = smallest(steps=12, learning_rate=0.02)
     rival = train_rival(config, pairs[:4], pairs[4:])
     held_out = [row[2] for row in rival.history]
     rival.network.eval()
