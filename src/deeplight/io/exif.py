@@ -136,22 +136,6 @@ def exif_of_bytes(content: bytes | None) -> Image.Exif:
     return exif
 
 
-def late_exif(path: Path) -> bytes | None:
-    """The EXIF block that a PNG has behind its pixels, where decoders do not look for one.
-
-    Raises:
-        OSError: the file cannot be read.
-    """
-    with path.open("rb") as file:
-        file.seek(8)
-        while len(head := file.read(8)) == 8:
-            length, kind = int.from_bytes(head[:4]), head[4:]
-            if kind == b"eXIf":
-                return file.read(length)
-            file.seek(length + 4, 1)
-    return None
-
-
 def _directories(tags: Image.Exif) -> ExifDirectories:
     return ExifDirectories(dict(tags), entries_of(tags, CAMERA), entries_of(tags, GPS))
 

@@ -18,7 +18,7 @@ from deeplight.camera_response import encode
 from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io.colour import eight_bit, over_grey, pixel_table
 from deeplight.io.colour_profile import LookUpProfile, cie_lab
-from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow, late_exif
+from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow
 from deeplight.io.heif_boxes import HeifHeader, read_header
 from deeplight.io.image_file import check_size, damaged, first_bytes, not_an_image, opened
 from deeplight.io.photo_colours import (
@@ -30,6 +30,7 @@ from deeplight.io.photo_colours import (
     is_encoded,
     notes_on,
 )
+from deeplight.io.png_chunks import PNG_START, read_png_chunks
 from deeplight.io.radiance import (
     counts_down,
     is_floating_point,
@@ -45,7 +46,6 @@ MAX_PHOTO_PIXELS = 100_000_000
 MIN_SIDE = 32
 """Shortest side in pixels of a photo; less shows no scene to estimate light from."""
 
-PNG_START = b"\x89PNG"
 JPEG_START = b"\xff\xd8\xff"
 _PILLOW_EXIF = (JPEG_START, b"RIFF", b"II", b"MM")
 DECODED_WHEN_OPENED = (b"GIF8", b"\0\0\0\x0cjP  ", b"\xff\x4f\xff\x51")  # GIF, JPEG 2000
@@ -137,24 +137,23 @@ def stored_of_pillow(picture: Image.Image, cicp: tuple[int, int] | None = None) 
     return Stored(pixels, exif, (*notes, *misfit, *notes_on(conversion, see_through)))
 
 
-def check_with_pillow(path: Path, start: bytes) -> dict[Any, Any]:
+def checked_facts(path: Path, start: bytes) -> dict[str, Any]:
     """Check what OpenImageIO would find out too late or too loudly.
 
-    It decodes GIF and JPEG 2000 when it opens them, whatever their size, and libpng reports damage
-    on stderr, past every error handler.
+    It decodes GIF and JPEG 2000 when it opens them, whatever their size.
 
     Returns:
-        Pillow's facts about a PNG; nothing for other files.
+        Facts about a PNG, see `png_chunks`; nothing for other files.
     """
-    is_png = start.startswith(PNG_START)
-    if not (is_png or start.startswith(DECODED_WHEN_OPENED)):
+    if start.startswith(PNG_START):
+        size, facts = read_png_chunks(path)
+        check_size(path, *size, MAX_PHOTO_PIXELS)
+        return facts
+    if not start.startswith(DECODED_WHEN_OPENED):
         return {}
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as picture:
             check_size(path, *picture.size, MAX_PHOTO_PIXELS)
-            if is_png:
-                picture.verify()
-                return dict(picture.info)
     except Image.DecompressionBombError as error:
         expected = f"a photo of at most {MAX_PHOTO_PIXELS / 1e6:.0f} megapixels"
         raise ImageFileError(expected, f"{path}, far larger", "make it smaller first") from error
@@ -166,7 +165,7 @@ def check_with_pillow(path: Path, start: bytes) -> dict[Any, Any]:
 
 
 def _decode(path: Path, start: bytes) -> Stored:
-    facts = check_with_pillow(path, start)
+    facts = checked_facts(path, start)
     with opened(path, MAX_PHOTO_PIXELS) as file:
         if is_floating_point(file) and not start.startswith(JPEG_START) and not is_encoded(file):
             pixels = _encode_radiance(read_radiance(file, path, MAX_PHOTO_PIXELS))
@@ -282,7 +281,7 @@ def _exif_of(path: Path, start: bytes, facts: dict[Any, Any], spec: oiio.ImageSp
     pictures, and all formats, agree on entries of odd types."""
     if start.startswith(PNG_START):
         bare = Image.new("L", (1, 1))
-        bare.info = {"exif": late_exif(path), **facts}
+        bare.info = dict(facts)
         return exif_of_pillow(bare.getexif)
     if not start.startswith(_PILLOW_EXIF):
         return _exif(spec)

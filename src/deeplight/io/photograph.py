@@ -11,7 +11,7 @@ from deeplight.errors import ImageFileError
 from deeplight.io.boundary import reads
 from deeplight.io.exif import upright
 from deeplight.io.image_file import first_bytes, opened, write_image
-from deeplight.io.photo_decoders import MAX_PHOTO_PIXELS, check_with_pillow
+from deeplight.io.photo_decoders import MAX_PHOTO_PIXELS, checked_facts
 from deeplight.io.radiance import is_floating_point, orientation_of, read_radiance
 
 PHOTOGRAPH_SUFFIXES = frozenset(".bmp .exr .hdr .jpeg .jpg .png .tif .tiff .webp".split())
@@ -28,7 +28,7 @@ def read_photograph(path: Path | str, gamma: float) -> Float32[np.ndarray, "heig
         ImageFileError: not an image, damaged, too large, or holding NaN or infinity.
     """
     path = Path(path)
-    check_with_pillow(path, first_bytes(path))  # libpng reports damage on stderr otherwise
+    checked_facts(path, first_bytes(path))  # libpng reports damage on stderr otherwise
     with opened(path, MAX_PHOTO_PIXELS) as file:
         values = read_radiance(file, path, MAX_PHOTO_PIXELS)
         turned = upright(values, orientation_of(file, path))
