@@ -1,7 +1,10 @@
 """What a PNG says besides its pixels, however much of it there is."""
 
+import os
 import struct
 import zlib
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,7 @@ from PIL import Image, PngImagePlugin
 
 from deeplight.errors import ImageFileError
 from deeplight.io.colour import DISPLAY_P3
+from deeplight.io.photograph import read_photograph
 from deeplight.io.photos import read_photo
 from deeplight.io.png_chunks import read_png_chunks
 from profiles import rgb_profile
@@ -20,9 +24,14 @@ def photo() -> np.ndarray:
     return np.stack([60 + 3 * rows, 200 - 2 * columns, 40 + rows + columns], -1).astype(np.uint8)
 
 
-def png(path: Path, *added: tuple[bytes, bytes], at: int = 33, **options: object) -> Path:
-    """A PNG with more chunks, by default right behind its header."""
+def png(path: Path, *added: tuple[bytes, bytes], **options: object) -> Path:
+    """A PNG with more chunks behind its header."""
     Image.fromarray(photo()).save(path, **options)
+    return png_with(path, *added)
+
+
+def png_with(path: Path, *added: tuple[bytes, bytes], at: int = 33) -> Path:
+    """The same file with more chunks."""
     content = path.read_bytes()
     more = b"".join(
         struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
@@ -83,3 +92,45 @@ def test_damage_is_refused_before_libpng_talks_of_it(
     with pytest.raises(ImageFileError, match=words):
         read_photo(path)
     assert capfd.readouterr().err == ""
+
+
+def with_pixels(path: Path, stored: bytes) -> Path:
+    """A PNG of these compressed pixels, whole as far as its checksums say."""
+    png(path)
+    content = path.read_bytes()
+    at = content.index(b"IDAT") - 4
+    path.write_bytes(content[:at] + content[-12:])
+    return png_with(path, (b"IDAT", stored), at=at)
+
+
+@pytest.mark.parametrize(
+    "stored",
+    [zlib.compress(bytes(5000)), b"\x78\x9c" + bytes([7] * 90), zlib.compress(b"\x09" * 9264)],
+    ids=["too few", "no deflate", "no such filter"],
+)
+def test_damage_that_only_libpng_finds_is_one_line_too(
+    tmp_path: Path, stored: bytes, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = with_pixels(tmp_path / "a.png", stored)
+    for read in (read_photo, lambda path: read_photograph(path, 1)):
+        with pytest.raises(ImageFileError, match="damaged"):
+            read(path)
+    assert capfd.readouterr().err == ""
+    os.write(2, b"still here")
+    assert capfd.readouterr().err == "still here"
+
+
+def test_threads_that_read_damage_leave_stderr_where_it_was(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = with_pixels(tmp_path / "a.png", zlib.compress(bytes(5000)))
+
+    def read(_number: int) -> bool:
+        with suppress(ImageFileError):
+            read_photo(path)
+        return True
+
+    with ThreadPoolExecutor(8) as pool:
+        assert all(pool.map(read, range(64)))
+    os.write(2, b"still here")
+    assert capfd.readouterr().err == "still here"

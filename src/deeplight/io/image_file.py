@@ -6,7 +6,7 @@ The size is checked from the header, before a single pixel is decoded.
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,6 +15,7 @@ import OpenImageIO as oiio
 
 from deeplight.errors import ImageFileError
 from deeplight.io.atomic import replacing
+from deeplight.io.quiet import hushed
 from deeplight.io.radiance_pixels import plain_hdr
 
 MAX_SIDE = 30_000
@@ -46,8 +47,11 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
         OSError: there is no such file, it is a folder, or reading it is not permitted.
         ImageFileError: not an image, a damaged header, or more than `max_pixels` or `MAX_SIDE`.
     """
-    plain = plain_hdr(path, max_pixels) if first_bytes(path).startswith(b"#?") else None
-    with _openable(path, plain) as name:
+    start = first_bytes(path)
+    plain = plain_hdr(path, max_pixels) if start.startswith(b"#?") else None
+    # libpng prints what is wrong before it is raised.
+    chatter = hushed() if start.startswith(b"\x89PNG") else nullcontext()
+    with _openable(path, plain) as name, chatter:
         straight_alpha = oiio.ImageSpec()
         straight_alpha.attribute("oiio:UnassociatedAlpha", 1)
         file = oiio.ImageInput.open(name, straight_alpha)
