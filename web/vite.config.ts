@@ -16,7 +16,7 @@ export default defineConfig({
     contentPolicy(here("../src/deeplight/demo/policy.txt")),
     shippedModel(here("../src/deeplight/weights/deeplight.onnx")),
     sceneObjects(here("public/objects"), here("packages/deeplight/src/core.ts")),
-    precache("service-worker.js", /^objects\/.*\.(bin|gltf)$/),
+    precache("service-worker.js", /^objects\/.*\.(bin|gltf)$|^icons\/share\.jpg$/),
   ],
   // The library as it is written, not as it is published: one build makes both.
   resolve: { conditions: ["deeplight-source", ...defaultClientConditions] },

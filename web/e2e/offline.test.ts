@@ -10,6 +10,7 @@ import { promisify } from "node:util";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { launch, untilLit, visit } from "./browser.ts";
+import { PHOTOS } from "./clip.ts";
 import { saved } from "./pictures.ts";
 import { ballOf, farthest, PROGRAM, serve } from "./python.ts";
 
@@ -41,6 +42,36 @@ test("after the first visit everything works with the server gone", async () => 
   await page.getByText("Teapot").click();
   await expect.poll(() => page.inputValue("#objects input:checked")).toBe("pot");
   await leave();
+});
+
+test("a photo that another app shares to the installed page opens there, once", async () => {
+  const site = await serve();
+  const { page, leave } = await visit(browser, site.url, { keeps: true });
+  await untilKept(page);
+  const manifest = await (await fetch(new URL("manifest.webmanifest", site.url))).json();
+  const { action, method, params } = manifest.share_target;
+  const photo = [...(await readFile(new URL("pagoda.jpg", PHOTOS)))];
+  // As the system does it: a form, sent to the address that the manifest names.
+  const status = await page.evaluate(
+    async ({ to, how, name, bytes }) => {
+      const form = new FormData();
+      form.append(name, new File([Uint8Array.from(bytes)], "p.jpg", { type: "image/jpeg" }));
+      return (await fetch(to, { method: how, body: form })).status;
+    },
+    { to: action, how: method, name: params.files[0].name, bytes: photo },
+  );
+  expect(status).toBe(200);
+  const led = `${site.url}?shared`; // where the worker sends the system's browser
+  await page.goto(led);
+  await untilLit(page);
+  expect(page.url()).toBe(site.url);
+  const { photo: opened } = JSON.parse((await saved(page, "#save-json")).toString());
+  expect(opened.file).toBe("p.jpg");
+  await page.goto(led); // it is not kept
+  await page.waitForSelector("#examples button:nth-child(3)");
+  expect(await page.isVisible("#viewer")).toBe(false);
+  await leave(undefined, /^POST \S+\/share$/); // the worker's, which sends it nowhere
+  await site.stop();
 });
 
 test("a new version is offered, and comes when asked for", async () => {

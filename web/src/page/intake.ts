@@ -1,4 +1,4 @@
-/** Files from the picker, from dropping and from pasting. */
+/** Files from the picker, from dropping, pasting and sharing, and those that the installed page is opened with. */
 import { box, input } from "./elements.ts";
 
 export interface Intake {
@@ -9,7 +9,7 @@ export interface Intake {
 }
 
 export function connectIntake(intake: Intake): void {
-  const take = (files: FileList | null | undefined): void => {
+  const take = (files: ArrayLike<File> | null | undefined): void => {
     const file = files?.[0];
     if (!file) return;
     if (/\.glb$/i.test(file.name) || file.type === "model/gltf-binary") intake.model(file);
@@ -25,6 +25,22 @@ export function connectIntake(intake: Intake): void {
   }
   document.addEventListener("paste", (event) => take(event.clipboardData?.files));
   connectDropping(take);
+  connectLaunch((file) => take([file]));
+}
+
+/** Where browsers install pages. */
+interface LaunchQueue {
+  setConsumer(take: (launch: { readonly files: readonly FileSystemFileHandle[] }) => void): void;
+}
+
+function connectLaunch(take: (file: File) => void): void {
+  const { launchQueue } = window as Window & { launchQueue?: LaunchQueue };
+  launchQueue?.setConsumer(({ files }) => void files[0]?.getFile().then(take));
+  if (!new URLSearchParams(location.search).has("shared")) return;
+  history.replaceState(null, "", location.pathname); // loaded again, the page opens nothing
+  const { port1, port2 } = new MessageChannel();
+  port1.onmessage = ({ data }: MessageEvent<File | null>) => data && take(data);
+  navigator.serviceWorker?.controller?.postMessage("shared", [port2]);
 }
 
 function connectDropping(take: (files: FileList | undefined) => void): void {

@@ -3,7 +3,7 @@
  *
  * One cache, addressed by content: a new version fetches only what has changed, checks it against the
  * hash from the build, and takes over when the user asks or all tabs are closed. Nothing else is ever
- * stored, and no photo comes this way.
+ * stored; a file that another app shares to the installed page goes through memory, once.
  */
 declare const __FILES__: readonly (readonly [path: string, hash: string])[];
 
@@ -15,12 +15,22 @@ const scope = worker.registration.scope;
 const kept = new Map(__FILES__.map(([path, hash]) => [new URL(path, scope).href, hash] as const));
 const key = (address: string, hash: string): string => `${address}?content=${hash}`;
 
+const SHARE = new URL("share", scope).href; // as the manifest says
+let shared: File | null = null;
+
 worker.addEventListener("install", (event) => event.waitUntil(fetchMissing()));
 worker.addEventListener("activate", (event) => event.waitUntil(takeOver()));
 worker.addEventListener("message", (event) => {
   if (event.data === "take over") void worker.skipWaiting();
+  if (event.data !== "shared") return;
+  event.ports[0]?.postMessage(shared);
+  shared = null;
 });
 worker.addEventListener("fetch", (event) => {
+  if (event.request.method === "POST" && event.request.url === SHARE) {
+    event.respondWith(received(event.request));
+    return;
+  }
   const address = addressOf(event.request);
   const hash = kept.get(address);
   if (event.request.method !== "GET" || !hash) return;
@@ -48,6 +58,13 @@ async function takeOver(): Promise<void> {
     if (!wanted.has(request.url)) await cache.delete(request);
   }
   await worker.clients.claim();
+}
+
+/** Holds a shared file until the page that opens for it asks. */
+async function received(request: Request): Promise<Response> {
+  const file = (await request.formData()).get("file");
+  shared = file instanceof File ? file : null;
+  return Response.redirect(new URL("./?shared", scope).href, 303);
 }
 
 async function answer(request: Request, where: string): Promise<Response> {
