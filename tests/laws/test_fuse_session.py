@@ -150,6 +150,20 @@ def test_one_view_keeps_its_estimate_where_it_did_not_look() -> None:
     assert found.seen[behind].max() == 0
 
 
+def test_power_that_views_disagree_on_is_a_lamp_above_and_none_below() -> None:
+    session = Session(pan().camera.vertical_fov_rad, lambda _: GREY)
+    for k, frame in enumerate(pan().frames[:2]):
+        session.add(frame.pixels, frame.rotation, GREY + np.float32(1.5 * k))
+    found = session.environment(height=32)
+    assert found.seen is not None
+    rises = latlong.directions(32, 64) @ pan().frames[0].rotation[1]
+    above, below = (
+        found.radiance[(found.seen == 0) & side].max(-1) for side in (rises > 0.15, rises < -0.15)
+    )
+    assert below.max() < 2 * np.median(below)
+    assert above.max() > 5 * np.median(above)
+
+
 def test_views_without_overlap_are_tied_by_their_estimates() -> None:
     """A front and a back camera: the back one is exposed four times as long."""
     session = Session(1.1, lambda _: GREY)

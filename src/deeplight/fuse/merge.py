@@ -3,7 +3,8 @@
 Where a view looked, its pixels count. Elsewhere the estimates are merged twice: the mean of their
 logarithms is the sharper map (a lamp that each view puts elsewhere does not smear), the mean of
 their radiance has the right power. So the map is that of the logarithms, and the power that it
-lacks stands as one lobe where it is brightest: maps as logarithms, lamps as lamps.
+lacks stands as one lobe where it is brightest: maps as logarithms, lamps as lamps. No lamp is
+looked for below the horizon, where floors are as dark as the logarithms say.
 
 A clipped pixel says only how much light there is at least. How much more it is follows from what is
 usual and from the estimates' power, less all that comes from elsewhere: what lamps must have for
@@ -37,6 +38,7 @@ ENOUGH_SEEN = 0.5
 """Share of the sphere from which on the brightness is believed to be what it is."""
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
 _LOBE_KAPPA = 250.0  # of the lobe of lost power: 5 degrees, a lamp and no glow
+_HORIZON = 0.2  # sines of elevations across which power begins to be looked for: no lamp is below
 _FIND_KAPPA = 12.0  # width in which the brightest place is looked for
 _FIND_ROWS = 32
 
@@ -80,10 +82,11 @@ def environment_of(
         logs, mean = (resample.sample_latlong(part, directions) for part in (logs, mean))
     known = seen.share[..., None]
     radiance = known * seen.radiance + (1 - known) * logs
-    radiance += _lost_lobe(logs, mean, 1 - seen.share)
+    rises = (directions @ (up_of(views) @ world_from_frame)).astype(np.float32)
+    above = np.clip(rises / _HORIZON + 0.5, 0, 1)
+    radiance += _lost_lobe(logs, mean, (1 - seen.share) * above)
     if seen.clipped.any():
-        up = up_of(views) @ world_from_frame
-        radiance = _with_lamps(radiance, mean, seen, expected_power(views, log_gain), up)
+        radiance = _with_lamps(radiance, mean, seen, expected_power(views, log_gain), rises)
     if shade is not None:
         radiance = _shaded(radiance, seen, shade)
     return Environment(radiance, np.clip(seen.share, 0, 1))
@@ -145,7 +148,7 @@ def _shaded(radiance: Panorama, seen: Seen, shade: Shade) -> Panorama:
 
 
 def _lost_lobe(logs: Panorama, mean: Panorama, unseen: Float32[np.ndarray, "h w"]) -> Panorama:
-    """The power that the logarithms' map lacks where nothing was seen, as one lobe there."""
+    """The power that the logarithms' map lacks where nothing was seen above, as one lobe there."""
     height = len(logs)
     solid_angle = latlong.solid_angles(height, 2 * height).astype(np.float32)
     weight = unseen * solid_angle
@@ -197,7 +200,7 @@ def _with_lamps(
     mean: Panorama,
     seen: Seen,
     whole: Float[np.ndarray, "3"],
-    up: Float[np.ndarray, "3"],
+    rises: Float32[np.ndarray, "height width"],
 ) -> Panorama:
     """Clipped pixels with the power that is likely for them."""
     height = len(radiance)
@@ -205,7 +208,7 @@ def _with_lamps(
     power = (radiance @ LUMINANCE) * solid_angle
     bound = power * (seen.clipped > 0)
     least, rest = float(bound.sum()), float((power - bound).sum())
-    usual = float((bound * usual_factor(latlong.directions(height, 2 * height) @ up)).sum() / least)
+    usual = float((bound * usual_factor(rises)).sum() / least)
     share = seen.clipped**3 * (radiance @ LUMINANCE) * (mean @ LUMINANCE) ** 2
     share = share / (share * solid_angle).sum()
     colour = np.einsum("hwc,hw->c", mean, share * solid_angle)

@@ -284,6 +284,7 @@ export const FUSE = {
   "ENOUGH_SEEN": 0.5,
   "NEAR": 1.0,
   "LOBE_KAPPA": 250.0,
+  "HORIZON": 0.2,
   "FIND_KAPPA": 12.0,
   "FIND_ROWS": 32,
   "MOST_VIEWS": 64,

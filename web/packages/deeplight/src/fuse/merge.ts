@@ -16,7 +16,7 @@ import type { Cells, View } from "./view.ts";
 import { logPower } from "./view.ts";
 
 const { CLIPPED_HIGH_LOG, CLIPPED_LOG, CLIPPED_SCALE, DIM, ESTIMATE_ROWS } = FUSE;
-const { FIND_KAPPA, FIND_ROWS, HIGH_FROM, HIGH_TO } = FUSE;
+const { FIND_KAPPA, FIND_ROWS, HIGH_FROM, HIGH_TO, HORIZON } = FUSE;
 const { LEVEL, LOBE_KAPPA, LOG_STEP, LOG_STEPS, NEAR, POWER_SIGMA } = FUSE;
 
 /** Views in one world with what was made of them. */
@@ -56,9 +56,10 @@ export function environmentOf(
     const known = seen.share[Math.floor(i / 3)]!;
     return known * seen.radiance[i]! + (1 - known) * value;
   });
-  addLostLobe(radiance, logs!, mean!, seen.share, height);
+  const rises = rising(directions, upOf(views));
+  const hidden = seen.share.map((own, i) => (1 - own) * above(rises[i]!));
+  addLostLobe(radiance, logs!, mean!, hidden, height);
   if (seen.clipped.some((channels) => channels > 0)) {
-    const rises = rising(directions, upOf(views));
     raiseLamps(radiance, mean!, seen, expectedPower(views, logGain), rises, height);
   }
   if (shade) shadeBelieved(radiance, seen, height, shade);
@@ -158,19 +159,24 @@ function shadeBelieved(radiance: Float32Array, seen: Seen, height: number, shade
   for (let i = 0; i < radiance.length; i++) radiance[i] = known[i]! + factor * believed[i]!;
 }
 
-/** The power that the logarithms' map lacks where nothing was seen, as one lobe there. */
+/** How far a direction that rises by a sine is above the horizon: no lamp is looked for below. */
+function above(sine: number): number {
+  return Math.min(Math.max(sine / HORIZON + 0.5, 0), 1);
+}
+
+/** The power that the logarithms' map lacks where it is `hidden`, unseen and above, as one lobe there. */
 function addLostLobe(
   radiance: Float32Array,
   logs: Float32Array,
   mean: Float32Array,
-  share: Float32Array,
+  hidden: Float32Array,
   height: number,
 ): void {
   const sr = rowSolidAngles(height);
   const lost: [number, number, number] = [0, 0, 0];
   const weighted = logs.map((value, i) => {
     const texel = Math.floor(i / 3);
-    const weight = (1 - share[texel]!) * sr[Math.floor(texel / (2 * height))]!;
+    const weight = hidden[texel]! * sr[Math.floor(texel / (2 * height))]!;
     lost[(i % 3) as 0 | 1 | 2] += weight * Math.max(mean[i]! - value, 0);
     return value * weight;
   });
@@ -178,9 +184,9 @@ function addLostLobe(
   const [x, y, z] = brightest(weighted, height);
   const directions = texelDirections(height);
   let power = 0;
-  const lobe = share.map((own, i) => {
+  const lobe = hidden.map((own, i) => {
     const cosine = x * directions[3 * i]! + y * directions[3 * i + 1]! + z * directions[3 * i + 2]!;
-    const value = Math.exp(LOBE_KAPPA * (cosine - 1)) * (1 - own);
+    const value = Math.exp(LOBE_KAPPA * (cosine - 1)) * own;
     power += value * sr[Math.floor(i / (2 * height))]!;
     return value;
   });
