@@ -57,6 +57,17 @@ def test_architecture_names_every_module_and_what_it_names_is_there(root: Path) 
     assert [name for name in named if not (package / name).is_file()] == []
 
 
+FENCE = re.compile(r'\w*( title="[^"]+")?')
+
+
+def test_the_site_understands_the_heads_of_code_blocks(root: Path) -> None:
+    """Of any other it makes text."""
+    for path in (root / "docs").glob("*.md"):
+        heads = [line[3:] for line in path.read_text().splitlines() if line.startswith("```")]
+        assert [head for head in heads if not FENCE.fullmatch(head)] == [], path.name
+    assert not FENCE.fullmatch("python file=a.py")  # what was once read as text
+
+
 PLAIN = re.compile(r"\b(told|tells?|beside|so many)\b", re.IGNORECASE)
 """Words that have a plainer one: say, print, report, next to, number of."""
 
