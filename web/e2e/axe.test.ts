@@ -6,7 +6,7 @@ import path from "node:path";
 import { fileURLToPath } from "node:url";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
-import { launch, untilLit, visit } from "./browser.ts";
+import { launch, opensUsdz, untilLit, visit } from "./browser.ts";
 import { makeClip, PHOTOS } from "./clip.ts";
 import { type Site, serve } from "./python.ts";
 
@@ -44,7 +44,8 @@ interface Finding {
 }
 
 test("axe finds nothing on the start screen, with a photo, in any tray, in a notice", async () => {
-  const { page, leave } = await visit(browser, site.url, { reducedMotion: true });
+  const before = (of: Page) => of.addInitScript(opensUsdz); // all that a tray may hold
+  const { page, leave } = await visit(browser, site.url, { reducedMotion: true, before });
   await page.waitForSelector("#examples button:nth-child(3)");
   expect(await findings(page), "start").toEqual([]);
   await page.setInputFiles("#photo-file", PHOTO);
@@ -52,6 +53,7 @@ test("axe finds nothing on the start screen, with a photo, in any tray, in a not
   expect(await findings(page), "photo").toEqual([]);
   for (const tray of ["object", "material", "camera", "save"]) {
     await page.click(`[data-tray="${tray}"]`);
+    if (tray === "object") expect(await page.isVisible("#hand-over")).toBe(true);
     expect(await findings(page), tray).toEqual([]);
   }
   await page.setInputFiles("#photo-file", {

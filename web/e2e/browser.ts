@@ -99,3 +99,11 @@ export async function visit(browser: Browser, url: string, how: How = {}): Promi
 export async function untilLit(page: Page): Promise<void> {
   await page.waitForSelector("#save-json:enabled", { state: "attached" });
 }
+
+/** Runs before the page: links open in Quick Look, as Safari on a phone answers. */
+export function opensUsdz(): void {
+  const supports = DOMTokenList.prototype.supports;
+  DOMTokenList.prototype.supports = function (token) {
+    return token === "ar" || supports.call(this, token);
+  };
+}

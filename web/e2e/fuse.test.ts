@@ -97,7 +97,11 @@ async function kept(page: Page): Promise<{ light: Float32Array; rows: number }> 
       const canvas = new OffscreenCanvas(image.width, image.height);
       canvas.getContext("2d")!.putImageData(image, 0, 0);
       const blob = await canvas.convertToBlob({ type: "image/png" });
-      return { rotation, isLit: light !== null, png: text(new Uint8Array(await blob.arrayBuffer())) };
+      return {
+        rotation,
+        isLit: light !== null,
+        png: text(new Uint8Array(await blob.arrayBuffer())),
+      };
     });
     const { radiance, seen, height } = window.recorded[last]!.light!;
     const values = new Float32Array([...radiance, ...seen]);

@@ -5,7 +5,7 @@ import { promisify } from "node:util";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, describe, expect, test } from "vitest";
 import { boxGlb } from "./box.ts";
-import { launch, untilLit, visit } from "./browser.ts";
+import { launch, opensUsdz, untilLit, visit } from "./browser.ts";
 import { PHOTOS } from "./clip.ts";
 import { saved } from "./pictures.ts";
 import { PYTHON, type Site, serve } from "./python.ts";
@@ -26,14 +26,6 @@ afterAll(async () => {
   await browser?.close();
   await site?.stop();
 });
-
-/** As Safari on a phone answers. */
-function opensUsdz(): void {
-  const supports = DOMTokenList.prototype.supports;
-  DOMTokenList.prototype.supports = function (token) {
-    return token === "ar" || supports.call(this, token);
-  };
-}
 
 async function openPhoto(page: Page): Promise<void> {
   await page.setInputFiles("#photo-file", CANTEEN);

@@ -1,6 +1,7 @@
 /**
  * Light that gathers while one looks around: a few dozen small views, solved again with each.
- * session.py, and its golden values. Memory is constant: at most `mostViews` pictures of 192 rows.
+ * session.py, and its golden values. Memory is constant: at most `mostViews` pictures
+ * of 192 rows, and of each what it shows of the light asked for last, a third of a megabyte.
  */
 import { FUSE } from "../contract/generated.ts";
 import type { Environment } from "../light/environment.ts";
