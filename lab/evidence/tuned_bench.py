@@ -52,7 +52,7 @@ class Bench:
         values = [
             *reversed(l1), float(np.dot(l1, WEIGHTS)), np.nanmedian(off), np.nanmean(off),
             np.nanmedian(strays(own)), np.nanmedian(own.degrees_from(back)),
-            np.nansum(jump) / turn[np.isfinite(jump)].sum() * STEP_DEG, np.median(shares),
+            np.nanmedian(jump / turn) * STEP_DEG, np.median(shares),
             np.nanmean(scores.theta_rgb_deg), np.median(bias),
         ]  # fmt: skip
         return dict(zip(COLUMNS, map(float, values), strict=True))

@@ -25,6 +25,7 @@ import torch
 import tyro
 from torch import Tensor
 
+from deeplight.contract import LAMP_NUMBERS
 from deeplight.dataset import open_dataset
 from deeplight.estimators.onnx import shipped_model
 from deeplight.io.atomic import replacing
@@ -36,9 +37,12 @@ from deeplight.training.optimiser import MovingAverage
 from lab.evidence.frozen_views import FrozenViews, frozen_views, joined
 from lab.evidence.some_pixels import SomePixels
 from lab.evidence.tuned_bench import COLUMNS, Bench
-from lab.evidence.tuned_terms import WEIGHTS, direction_loss, mode_loss, steadiness_loss
+from lab.evidence.tuned_terms import WEIGHTS, direction_loss, mode_loss, steadiness_loss, turn_loss
 
 WARMUP, CLIP = 20, 1.0
+LAMP_BIAS = "lamps.head.bias"
+GAIN = 0.2
+"""ln by which the shipped model's lamps were made brighter after it had learnt (MODEL_CARD.md)."""
 HALF = 0.5
 MIXED = 0.4  # of Beta(MIXED, MIXED), the share of one of two places whose features are mixed
 
@@ -53,6 +57,8 @@ class Row:
     """Weight of -ln of the share of the (sharpened) light that comes from near the main light."""
     steady: float = 0.0
     """Weight of what differs between the two frames of a pair, turned, exposure taken out."""
+    turn: float = 0.0
+    """Weight of only the angle between the main lights of the two."""
     decay: float = 0.05
     """Weight decay."""
     dropout: float = 0.3
@@ -61,7 +67,7 @@ class Row:
     """Share of the features that is dropped."""
     mix: bool = False
     """Mix features of two places, and the losses of both by the same shares."""
-    rate: float = 2e-4
+    rate: float = 1e-4
     """Learning rate."""
     ema: float = 0.98
     """Decay of the moving average of the weights."""
@@ -69,11 +75,11 @@ class Row:
 
 ROWS = {
     "as it is taught now, longer": Row(),
-    "+ direction": Row(direction=0.05),
-    "+ direction, as a share near it": Row(mode=0.02),
     "+ steady": Row(steady=0.1),
     "+ direction and steady": Row(direction=0.05, steady=0.1),
-    "+ share near it and steady": Row(mode=0.02, steady=0.1),
+    "+ turn": Row(turn=0.1),
+    "+ direction": Row(direction=0.05),
+    "+ share near it and turn": Row(mode=0.02, turn=0.1),
     "decay 0.5, dropout 0.5, features 0.3": Row(decay=0.5, dropout=0.5, features=0.3),
     "mixed places": Row(mix=True),
     "average over 300 steps": Row(ema=0.997),
@@ -106,13 +112,16 @@ def main(args: Args) -> None:
     model = sha256(shipped_model().read_bytes()).hexdigest()[:8]
     cache = args.cache / model
     train = joined([frozen_views(network, data, "train", cache) for data in sets])
+    learnt = [data.manifest_sha256 for data in sets]
     (rig,) = sets[0].rigs
     bases = sets[0].bases(rig)
     bench = Bench(frozen_views(network, sets[0], "val", cache), bases)
     print(f"| row, step | {' | '.join(COLUMNS)} |\n|---{'|---' * len(COLUMNS)}|")
     print_row("shipped", bench.measure(network))
     for name in args.rows:
-        key = json.dumps([asdict(ROWS[name]), args.steps, args.every, args.pairs, args.seed])
+        key = json.dumps(
+            [asdict(ROWS[name]), args.steps, args.every, args.pairs, args.seed, learnt]
+        )
         folder = cache / "rows" / sha256(key.encode()).hexdigest()[:12]
         for words, numbers in finished(name, folder, train, SomePixels(bases), bench, args).items():
             print_row(words, numbers)
@@ -126,12 +135,11 @@ def finished(
     if kept.is_file():
         return json.loads(kept.read_text())
     folder.mkdir(parents=True, exist_ok=True)
-    network, shipped = load_network(shipped_model())[0], load_network(shipped_model())[0]
+    network, judged = load_network(shipped_model())[0], load_network(shipped_model())[0]
+    shipped = {name: value.clone() for name, value in judged.state_dict().items()}
     found = {}
     for step, average in tuned(network, ROWS[name], train, pixels, args):
-        shipped_state = shipped.state_dict()
-        halves = {n: torch.lerp(shipped_state[n], average[n], HALF) for n in average}
-        judged = load_network(shipped_model())[0]
+        halves = {n: torch.lerp(value, average[n], HALF) for n, value in shipped.items()}
         for words, state in ((f"{name}, {step}", average), (f"{name}, {step}, half", halves)):
             judged.load_state_dict(state)
             found[words] = bench.measure(judged)
@@ -148,6 +156,8 @@ def tuned(
     torch.manual_seed(args.seed)
     random = np.random.default_rng(args.seed)
     network.train().encoder.requires_grad_(False)
+    assert network.lamps is not None
+    network.lamps.brighten(-GAIN)
     network.dropout.p = row.dropout
     learnt = [p for n, p in network.named_parameters() if p.requires_grad and "heads" not in n]
     optimiser = torch.optim.AdamW(learnt, row.rate, weight_decay=row.decay)
@@ -166,7 +176,14 @@ def tuned(
         optimiser.step()
         average.update(network, step)
         if (step + 1) % args.every == 0:
-            yield step + 1, {name: value.clone() for name, value in average.state.items()}
+            yield step + 1, with_gain(average.state)
+
+
+def with_gain(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """A copy of the weights with lamps as much brighter as the shipped ones are."""
+    copied = {name: value.clone() for name, value in state.items()}
+    copied[LAMP_BIAS].view(-1, LAMP_NUMBERS)[:, 3:6] += GAIN
+    return copied
 
 
 def step_loss(
@@ -175,7 +192,9 @@ def step_loss(
 ) -> Tensor:  # fmt: skip
     """The loss of one step on some pairs of frames, first frames first."""
     numbers = pairs.T.ravel()
-    mirrored = np.tile(random.random(len(pairs)) < 0.5, 2)
+    # Places are mixed only as they are or only mirrored.
+    drawn = random.random(1 if row.mix else len(pairs)) < 0.5
+    mirrored = np.tile(np.broadcast_to(drawn, len(pairs)), 2)
     features = torch.from_numpy(train.features[numbers, mirrored.astype(int)].astype(np.float32))
     taken = torch.from_numpy(train.taken[numbers])
     shares: Sequence[tuple[np.ndarray, float]] = ((numbers, 1.0),)
@@ -196,10 +215,10 @@ def step_loss(
         total = total + row.direction * direction_loss(light, true)
     if row.mode:
         total = total + row.mode * mode_loss(light, true)
+    poses, gains = (torch.from_numpy(a[pairs]) for a in (train.world_from_camera, train.log_gain))
+    if row.turn:
+        total = total + row.turn * turn_loss(light, poses)
     if row.steady:
-        poses, gains = (
-            torch.from_numpy(a[pairs]) for a in (train.world_from_camera, train.log_gain)
-        )
         total = total + row.steady * steadiness_loss(light, poses, gains)
     return total
 

@@ -44,20 +44,33 @@ def mode_loss(
     return -torch.log((share * near).sum(1) + LEAST).mean()
 
 
+def turn_loss(
+    log_radiance: Float[Tensor, "two_n 3 size size"], world_from_camera: Float[Tensor, "n 2 3 3"]
+) -> Float[Tensor, ""]:
+    """1 - cos of the angle between the main lights of two frames of one take, in one frame of
+    reference; the first half of `log_radiance` are the first frames."""
+    one, other = main_direction(log_radiance).chunk(2)
+    turn = second_from_first(world_from_camera)
+    return 1 - (torch.einsum("nij,nj->ni", turn, one) * other).sum(1).mean()
+
+
 def steadiness_loss(
-    log_radiance: Float[Tensor, "two_n 3 size size"], world_from_camera: Float[Tensor, "n 2 3 3"],
+    log_radiance: Float[Tensor, "two_n 3 size size"],
+    world_from_camera: Float[Tensor, "n 2 3 3"],
     log_gain: Float[Tensor, "n 2 3"],
-) -> Float[Tensor, ""]:  # fmt: skip
-    """How far the lights of two frames of one take are apart, the first half of `log_radiance` the
-    first frames: mean |ln radiance| with the exposure between them taken out, and 1 - cos of the
-    angle between their main lights."""
+) -> Float[Tensor, ""]:
+    """How far the lights of two frames of one take are apart: `turn_loss`, and mean |ln radiance|
+    with the exposure between them taken out."""
     one, other = log_radiance.chunk(2)
-    before, after = world_from_camera.unbind(1)
-    turn = after.mT @ before  # camera of the second frame from that of the first
-    a, b = main_direction(log_radiance).chunk(2)
-    angle = 1 - (torch.einsum("nij,nj->ni", turn, a) * b).sum(1).mean()
     brighter = (log_gain[:, 1] - log_gain[:, 0])[:, :, None, None]
-    return lit_l1(turned_ball(one, turn) + brighter, other) + angle
+    moved = turned_ball(one, second_from_first(world_from_camera)) + brighter
+    return lit_l1(moved, other) + turn_loss(log_radiance, world_from_camera)
+
+
+def second_from_first(world_from_camera: Float[Tensor, "n 2 3 3"]) -> Float[Tensor, "n 3 3"]:
+    """The camera frame of the second frame of each pair from that of the first."""
+    before, after = world_from_camera.unbind(1)
+    return after.mT @ before
 
 
 def turned_ball(

@@ -54,6 +54,7 @@ def views(count: int, seed: int) -> Views:
         torch.from_numpy(averaged), torch.tensor(camera, dtype=torch.float32),
         torch.tensor(errors, dtype=torch.float32), torch.zeros(count),
         np.array([f"place{n % 7}" for n in range(count)]),
+        np.array([f"take{n // 2}" for n in range(count)]),
     )  # fmt: skip
 
 
@@ -70,6 +71,17 @@ def test_they_learn_a_number_and_how_far_off_it_is(monkeypatch: pytest.MonkeyPat
     wide = views(1000, 2)
     twice = replace(wide, errors=2 * wide.errors)
     assert measured(before, twice)["brightness_scale"].within < 0.6
+
+
+@torch.no_grad()
+def test_scales_hold_in_new_places_that_of_colour_in_new_takes() -> None:
+    heads, some = network().heads, views(600, 1)
+    assert heads is not None
+    assert measured(heads, some)["colour_scale"].within != pytest.approx(0.68, abs=0.02)  # the twin
+    calibrate(heads, some)
+    found = measured(heads, some)
+    assert found["brightness_scale"].within == pytest.approx(0.68 * 8 / 7, abs=0.003)
+    assert found["colour_scale"].within == pytest.approx(0.68 * 301 / 300, abs=0.003)
 
 
 def test_errors_of_light_are_what_they_are_called() -> None:

@@ -29,6 +29,9 @@ class Refinement:
     heads: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Data sets whose photos teach it to say what camera took a photo and how sure its light is;
     their validation places set how sure. Some minutes."""
+    scales: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
+    """Data sets whose validation places set anew how sure a network with heads is; what its heads
+    have learnt stays. About a minute."""
 
 
 def write_network(
@@ -71,8 +74,9 @@ def write_network(
         do = "write .onnx, or train one network that answers as they do (distil.teacher)"
         got = f"{len(models)}{' with --flips' * flips}"
         raise ConfigError("one network, without --flips, for TFLite", got, do)
-    if form != "onnx" and refinement is not None and refinement.heads:
-        raise ConfigError("ONNX for --heads", "TFLite, whose files hold light only", "leave it out")
+    if form != "onnx" and refinement is not None and (refinement.heads or refinement.scales):
+        got = "TFLite, whose files hold light only"
+        raise ConfigError("ONNX for --heads and --scales", got, "leave it out")
     generator, contract = _loaded(models, flips, shares, trained_on, without_colour)
     if refinement is not None and refinement != Refinement():
         contract = _refined(generator, contract, refinement)
@@ -132,11 +136,12 @@ def _refined(
     generator: "nn.Module", contract: ModelContract, refinement: Refinement
 ) -> ModelContract:
     """Change one network after its training; gives its contract."""
-    from deeplight.training.heads import teach
+    from deeplight.training.heads import set_scales, teach
     from deeplight.training.network.generator import Generator
 
     if not isinstance(generator, Generator):
-        raise ConfigError("one network for --heads and --lamp-gain", "a mean", "leave them out")
+        expected = "one network for --heads, --scales and --lamp-gain"
+        raise ConfigError(expected, "a mean", "leave them out")
     if refinement.lamp_gain:
         if generator.lamps is None:
             raise ConfigError("a network with lamps for --lamp-gain", "none", "leave it out")
@@ -144,6 +149,10 @@ def _refined(
     if refinement.heads:
         generator.heads, _ = teach(generator, refinement.heads)
         contract = replace(contract, heads=HEADS)
+    if refinement.scales:
+        if generator.heads is None:
+            raise ConfigError("a network with heads for --scales", "none", "give --heads too")
+        set_scales(generator, generator.heads, refinement.scales)
     return contract
 
 

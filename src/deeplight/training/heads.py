@@ -33,6 +33,9 @@ from deeplight.training.network.heads import Heads, averages
 WITHIN = 0.68
 """Share of the errors that a scale is to hold."""
 CAMERA = ("fov_rad", "pitch_rad", "roll_rad")
+BY_TAKE = ("colour_scale",)
+"""Scales of errors that are alike in one take, whatever the place: of the light's colour a photo
+shows next to nothing, so its error is the white balance's, and every take has its own."""
 OF_LIGHT = ("brightness_scale", "colour_scale", "direction_scale", "log_radiance_scale")
 TURNS = tuple(name for name in HEADS if name.startswith("upright_"))
 TURNED = 0.35
@@ -55,6 +58,8 @@ class Views:
     turns: Float[Tensor, "n"]
     """Quarter turns clockwise that make the photo upright."""
     places: np.ndarray
+    takes: np.ndarray
+    """Names that no other data set has."""
 
 
 def teach(
@@ -72,10 +77,22 @@ def teach(
     """
     each = -(-count // len(data))
     learnt = joined([views_of(network, name, "train", each, seed) for name in data])
-    kept = joined([views_of(network, name, "val", each // 2, seed) for name in data])
     heads = fitted(learnt, network, seed)
+    return heads, set_scales(network, heads, data, count // 2, seed)
+
+
+def set_scales(
+    network: Generator, heads: Heads, data: Sequence[str], count: int = 800, seed: int = 0
+) -> Views:
+    """Stretch the scales of heads by `count` validation photos of some data sets; gives these.
+
+    Raises:
+        DataSetError: one of them cannot be read, or has no validation split.
+    """
+    each = -(-count // len(data))
+    kept = joined([views_of(network, name, "val", each, seed) for name in data])
     calibrate(heads, kept)
-    return heads, kept
+    return kept
 
 
 def views_of(network: Generator, address: str, split: str, count: int, seed: int) -> Views:
@@ -100,6 +117,7 @@ def views_of(network: Generator, address: str, split: str, count: int, seed: int
         torch.tensor(errors, dtype=torch.float32),
         torch.tensor(turns, dtype=torch.float32),
         index.places[numbers],
+        np.char.add(f"{address}: ", index.takes[numbers]),
     )
 
 
@@ -177,6 +195,7 @@ def joined(parts: Sequence[Views]) -> Views:
         torch.cat([part.errors for part in parts]),
         torch.cat([part.turns for part in parts]),
         np.concatenate([part.places for part in parts]),
+        np.concatenate([part.takes for part in parts]),
     )
 
 
@@ -267,14 +286,16 @@ def calibrate(heads: Heads, views: Views) -> None:
 
     Views of a place err alike, so n places say little more than n numbers: what is below the
     largest of n is below it of a new place with a chance of n / (n + 1) (conformal prediction, Vovk
-    et al. 2005). The scales hold (n + 1) / n as many of these views' errors.
+    et al. 2005). The scales hold (n + 1) / n as many of these views' errors. Of those `BY_TAKE`
+    names, n is the number of takes.
     """
-    places = len(np.unique(views.places))
-    hold = min(1.0, WITHIN * (places + 1) / places)
     said, whole = heads.read(views.averaged), np.arange(len(views.turns))
     for name, off, scale in zip(SCALES, *errors_and_scales(said, views, whole), strict=True):
         is_known = off.isfinite()
         if is_known.any():
+            alike = views.takes if name in BY_TAKE else views.places
+            count = len(np.unique(alike))
+            hold = min(1.0, WITHIN * (count + 1) / count)
             stretch = torch.quantile((off / scale)[is_known], hold).clamp_min(1e-3)
             heads.outer.bias[HEADS.index(name)] += stretch.log()
 
