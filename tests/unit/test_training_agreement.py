@@ -5,11 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeplight.frames import world_from_camera
 from deeplight.harmonics import dominant_light
 from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
 from deeplight.lobe import lobe_on_ball
-from deeplight.training.agreement import FLIP, join_agreement, main_direction
+from deeplight.training.agreement import (
+    FLIP,
+    STEADY,
+    join_agreement,
+    join_steadiness,
+    main_direction,
+)
 from deeplight.training.augment import Inputs, both_ways, turn_back
 from deeplight.training.losses import LossTerms
 
@@ -46,6 +53,30 @@ def test_its_main_light_is_the_dominant_one() -> None:
     expected = dominant_light(Lighting(light.exp().permute(1, 2, 0).numpy())).direction
     assert found @ expected > np.cos(np.radians(12))
     assert main_direction(light.flip(-1)[None])[0].numpy() @ expected < 0.7  # the twin
+
+
+TURN = world_from_camera(0.3, -0.2, 0.1)
+"""Directions of the second frame's camera from the first one's."""
+
+
+def lit_towards(direction: np.ndarray) -> torch.Tensor:
+    radiance = 0.1 + lobe_on_ball(Lamp(direction, np.full(3, 0.8), 0.3))
+    return torch.from_numpy(np.log(radiance)).permute(2, 0, 1).float()
+
+
+@pytest.mark.parametrize(("turn", "still"), [(TURN, True), (TURN.T, False), (np.eye(3), False)])
+def test_a_main_light_that_stands_still_while_the_camera_turns_costs_nothing(
+    turn: np.ndarray, still: bool
+) -> None:
+    before = np.array([0.48, 0.6, 0.64])
+    one, other = lit_towards(before), lit_towards(turn @ before)
+    # Two pairs, all first frames first; the same again, as photos seen both ways are.
+    lights = torch.stack((one, one, other, other) * 2)
+    turns = torch.tensor(np.stack((TURN, TURN)), dtype=torch.float32)
+    terms = join_steadiness(NOTHING, lights, turns, weight=2.0)
+    jump = float(terms.reported[STEADY])
+    assert (jump < 0.01) == still
+    assert float(terms.weighted[STEADY]) == pytest.approx(2 * jump)
 
 
 def test_photos_both_ways_have_the_same_spheres() -> None:

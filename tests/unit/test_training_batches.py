@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from deeplight.training.data import Batch, Order, StepIndices, take
+from deeplight.errors import ConfigError
+from deeplight.training.data import Batch, Order, PairOrder, StepIndices, take
+from deeplight.training.fresh import refuse_for_pairs
+from deeplight.training.share import ALONE, Share
 
 
 @pytest.mark.parametrize("count", [7, 32, 100])
@@ -43,6 +46,32 @@ def test_places_are_drawn_equally_often():
 
 def test_one_example_is_enough_for_a_batch():
     assert Order(1, seed=0).batch(5, 4).tolist() == [0, 0, 0, 0]
+
+
+TAKES = np.array(["a"] * 3 + ["b"] + ["c"] * 2)
+
+
+def test_a_batch_of_pairs_has_frames_that_follow_each_other():
+    order = PairOrder(TAKES, seed=0)
+    seen = set()
+    for step in range(9):
+        first, second = np.split(order.batch(step, 4), 2)
+        seen |= set(zip(first.tolist(), second.tolist(), strict=True))
+    assert seen == {(0, 1), (1, 2), (4, 5)}
+    alike = PairOrder(np.array(["a"] * 6), seed=0)  # the twin: one take of all
+    assert any((alike.batch(step, 4)[:2] == 3).any() for step in range(9))
+
+
+def test_takes_of_single_frames_have_no_pairs():
+    with pytest.raises(ConfigError, match="follow each other"):
+        PairOrder(np.array(["a", "b", "c"]), seed=0)
+
+
+def test_pairs_are_refused_where_a_batch_cannot_hold_them():
+    for size, share, expected in ((3, ALONE, "even"), (4, Share(0, 2), "one device")):
+        with pytest.raises(ConfigError, match=expected):
+            refuse_for_pairs(size, share)
+    refuse_for_pairs(4, ALONE)
 
 
 def test_take_gives_the_rows_asked_for():

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from deeplight.contract import HEADS, ModelContract
+from deeplight.deploy.network import Refinement, write_network
 from deeplight.deploy.onnx import export_onnx
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.sureness import Sureness, camera_record, sureness_of
@@ -30,6 +31,7 @@ SMALL = NetworkConfig(
     heads=True,
 )  # fmt: skip
 CONTRACT = ModelContract(heads=HEADS)
+BIAS = "heads.outer.bias"
 
 
 def network() -> Generator:
@@ -82,6 +84,22 @@ def test_scales_hold_in_new_places_that_of_colour_in_new_takes() -> None:
     found = measured(heads, some)
     assert found["brightness_scale"].within == pytest.approx(0.68 * 8 / 7, abs=0.003)
     assert found["colour_scale"].within == pytest.approx(0.68 * 301 / 300, abs=0.003)
+
+
+def test_scales_set_anew_change_nothing_else_in_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = tmp_path / "first.onnx", tmp_path / "second.onnx"
+    export_onnx(network(), CONTRACT, first, float16=False)
+    monkeypatch.setattr(teaching, "views_of", lambda *_: views(300, 1))
+    write_network(first, second, refinement=Refinement(scales=("data",)))
+    before, after = (load_network(path)[0].state_dict() for path in (first, second))
+    assert {name for name in before if not torch.equal(before[name], after[name])} == {BIAS}
+    moved = (after[BIAS] != before[BIAS]).nonzero()[:, 0].tolist()
+    assert {HEADS[number] for number in moved} <= set(SCALES)
+    said = load_network(second)[0].heads
+    assert said is not None
+    assert measured(said, views(300, 1))["brightness_scale"].within == pytest.approx(0.78, abs=0.01)
 
 
 def test_errors_of_light_are_what_they_are_called() -> None:

@@ -1,6 +1,7 @@
 """The examples that a run learns from: of one data set or several, of all places or some."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
@@ -14,6 +15,7 @@ class Chosen:
 
     Attributes:
         places, rigs: of all examples, as arrays of text.
+        takes: names, no two of them alike in two indices.
     """
 
     def __init__(self, indices: Sequence[SplitIndex], places: int = 0, seed: int = 0) -> None:
@@ -39,8 +41,15 @@ class Chosen:
         self.places = every[kept]
         self.rigs = np.concatenate([index.rigs for index in indices])[kept]
 
+        takes = [np.char.add(f"{part}: ", index.takes) for part, index in enumerate(indices)]
+        self.takes = np.concatenate(takes)[kept]
+
     def __len__(self) -> int:
         return len(self.places)
+
+    def details(self, number: int) -> Mapping[str, Any]:
+        """Give `ExampleMeta.details` of an example, without its pictures."""
+        return self._indices[self._part[number]].details(int(self._number[number]))
 
     def pixels(
         self, number: int

@@ -3,6 +3,7 @@
 import io
 import json
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,19 @@ def from_members(key: str, members: Mapping[str, bytes]) -> Example:
         return Example(key, background, spheres, meta, lighting, members[BACKGROUND])
     except Exception as error:  # decoders raise errors of every kind
         raise unreadable(f"{key}.{suffix}", error) from error
+
+
+def decode_details(key: str, members: Mapping[str, bytes]) -> Mapping[str, Any]:
+    """Decode only `ExampleMeta.details`, no picture.
+
+    Raises:
+        DataSetError: the metadata are missing or cannot be read.
+    """
+    try:
+        details: Mapping[str, Any] = parse_json(members[METADATA]).get("details", {})
+        return details
+    except Exception as error:
+        raise unreadable(f"{key}.{METADATA}", error) from error
 
 
 def decode_pixels(key: str, members: Mapping[str, bytes]) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,14 @@ from jaxtyping import Bool, Int64, UInt8
 
 from deeplight.dataset.example import Example
 from deeplight.dataset.manifest import MANIFEST, Manifest, ShardRecord
-from deeplight.dataset.members import LIGHTING, SUFFIXES, decode_pixels, from_members, unreadable
+from deeplight.dataset.members import (
+    LIGHTING,
+    SUFFIXES,
+    decode_details,
+    decode_pixels,
+    from_members,
+    unreadable,
+)
 from deeplight.dataset.plan import PLAN
 from deeplight.dataset.remote import Remote, is_address
 from deeplight.dataset.shards import COLUMNS, ShardIndex, extents_in, index_path, sha256_of
@@ -83,6 +90,10 @@ class SplitIndex:
     ) -> tuple[UInt8[np.ndarray, "height width 3"], UInt8[np.ndarray, "3 size size 3"]]:
         """Give only background and spheres (in the order of `SPHERES`): what training reads."""
         return decode_pixels(self.keys[number], self.members(number))
+
+    def details(self, number: int) -> Mapping[str, Any]:
+        """Give `ExampleMeta.details` of an example, without its pictures."""
+        return decode_details(self.keys[number], self.members(number))
 
     def members(self, number: int) -> dict[str, bytes]:
         """Give the undecoded members of example `number`, by suffix."""

@@ -1,4 +1,8 @@
-"""A photo and its mirror image should give mirrored light: a loss of the paper's future work."""
+"""What should agree does: losses of the paper's future work.
+
+A photo and its mirror image should give mirrored light; two frames of a take show one room, so its
+main light should stand still while the camera turns.
+"""
 
 from dataclasses import replace
 
@@ -12,8 +16,8 @@ from deeplight.lobe import lobe_grid
 from deeplight.training.distil import lit_l1
 from deeplight.training.losses import LossTerms
 
-FLIP = "flip"
-"""The term's name."""
+FLIP, STEADY = "flip", "steady"
+"""The terms' names."""
 SHARPNESS = 2.0
 """Power of the radiance by which directions are averaged to the main light's: 1 is the mean of all
 light, more is nearer to the brightest spot."""
@@ -31,6 +35,24 @@ def join_agreement(
     difference = lit_l1(one, other) + angle
     weighted = {**terms.weighted, FLIP: weight * difference}
     return replace(terms, weighted=weighted, reported={**terms.reported, FLIP: difference.detach()})
+
+
+def join_steadiness(
+    terms: LossTerms,
+    log_radiance: Float[Tensor, "n 3 size size"],
+    turn: Float[Tensor, "pairs 3 3"],
+    weight: float,
+) -> LossTerms:
+    """Add how far the main light jumps between the frames of each pair to what is lowered.
+
+    `log_radiance` is of all first frames, then of all second ones; once or, seen both ways, twice.
+    `turn` brings directions of the first frame's camera to the second one's.
+    """
+    found = main_direction(log_radiance.float()).reshape(-1, 2, len(turn), 3)
+    first, second = found.unbind(1)
+    jump = 1 - (torch.einsum("nij,cnj->cni", turn, first) * second).sum(-1).mean()
+    weighted = {**terms.weighted, STEADY: weight * jump}
+    return replace(terms, weighted=weighted, reported={**terms.reported, STEADY: jump.detach()})
 
 
 def main_direction(log_radiance: Float[Tensor, "n 3 size size"]) -> Float[Tensor, "n 3"]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
@@ -34,6 +34,10 @@ class DataConfig:
     """Processes that decode; they do not change the result."""
     preload_gib: float = 2.0
     """A split no larger than this once decoded is held in memory (on the GPU if there is one)."""
+
+
+POSE = "world_from_camera"
+"""Of an example's details: how the camera was held."""
 
 
 class Batch(NamedTuple):
@@ -103,6 +107,27 @@ class Order:
         epochs = positions // self.count
         parts = [self.epoch(int(e))[positions[epochs == e] % self.count] for e in np.unique(epochs)]
         return np.concatenate(parts)
+
+
+class PairOrder(Order):
+    """As `Order`, of pairs of frames that follow each other in a take: a batch's first half are the
+    first frames, its second half the second ones.
+
+    Raises:
+        ConfigError: no take has two frames.
+    """
+
+    def __init__(self, takes: np.ndarray, seed: int, places: np.ndarray | None = None) -> None:
+        self.first = np.flatnonzero(takes[1:] == takes[:-1])
+        if not len(self.first):
+            do = "film takes of at least two frames, or leave loss.steady at 0"
+            raise ConfigError("frames that follow each other for loss.steady", "none", do)
+        super().__init__(len(self.first), seed, None if places is None else places[self.first])
+
+    def batch(self, step: int, batch_size: int) -> Int[np.ndarray, "batch"]:
+        """Indices of the examples of batch `step`, an even number of them."""
+        first = self.first[super().batch(step, batch_size // 2)]
+        return np.concatenate((first, first + 1))
 
 
 def balanced_order(
@@ -208,6 +233,21 @@ class BatchSource:
         self.table: Batch | None = None
         if decoded_gib(examples) <= config.preload_gib:
             self.table = to_device(preload(examples, config.workers), device)
+
+    def turns(self, batch_size: int, step: int) -> Float[Tensor, "pairs 3 3"]:
+        """How the camera turned within each pair of a `PairOrder`'s batch: the second frame's
+        directions from the first one's.
+
+        Raises:
+            ConfigError: an example does not say how its camera was held.
+        """
+        details = [self.examples.index.details(int(n)) for n in self.order.batch(step, batch_size)]
+        if not all(POSE in each for each in details):
+            do = "use data of `deeplight simulate`, or leave loss.steady at 0"
+            raise ConfigError("examples that say how the camera was held", "others", do)
+        poses = torch.tensor([each[POSE] for each in details], dtype=torch.float32)
+        first, second = poses.chunk(2)
+        return (second.mT @ first).to(self.device)
 
     def batches(self, batch_size: int, start: int, stop: int) -> Iterator[Batch]:
         """The batches of the steps from `start` to `stop`; `batch_size` is that of the whole."""

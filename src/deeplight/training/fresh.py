@@ -22,6 +22,7 @@ from deeplight.training.data import (
     DataConfig,
     ExampleBytes,
     Order,
+    PairOrder,
     step_loader,
     to_device,
 )
@@ -151,10 +152,30 @@ def source_of(
     """
     seed, settings = config.run.seed, config.data
     if fresh is not None:
+        if config.loss.steady:
+            do = "simulate data sets beforehand and give them with --more"
+            raise ConfigError("no --fresh with loss.steady", "both", do)
         if share.ranks > 1:
             do = "simulate data sets beforehand and give them with --more"
             raise ConfigError("one device with --fresh", f"{share.ranks}", do)
         return FreshBatches(fresh, settings, seed, device, share)
     places = examples.index.places if settings.place_balanced else None
+    if config.loss.steady:
+        refuse_for_pairs(config.schedule.batch_size, share)
+        return BatchSource(
+            examples, settings, PairOrder(examples.index.takes, seed, places), device, share
+        )
     order = Order(len(examples), seed, places)
     return BatchSource(examples, settings, order, device, share)
+
+
+def refuse_for_pairs(batch_size: int, share: Share) -> None:
+    """A batch of pairs has an even number of examples, all on one device.
+
+    Raises:
+        ConfigError: it has not.
+    """
+    if batch_size % 2:
+        raise ConfigError("an even schedule.batch_size for loss.steady", f"{batch_size}", "add one")
+    if share.ranks > 1:
+        raise ConfigError("one device for loss.steady", f"{share.ranks}", "leave --devices at 1")

@@ -19,12 +19,12 @@ from deeplight.io.arrays_file import read_array
 from deeplight.io.atomic import only_run, replacing
 from deeplight.sphere import SPHERES
 from deeplight.training import checkpoint
-from deeplight.training.agreement import join_agreement
+from deeplight.training.agreement import join_agreement, join_steadiness
 from deeplight.training.augment import Inputs, augment, both_ways, prepare, turn_back
 from deeplight.training.checkpoint import BEST
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.constant import fit_log_radiance
-from deeplight.training.data import Batch
+from deeplight.training.data import Batch, BatchSource
 from deeplight.training.epochs import Epochs
 from deeplight.training.losses import LossTerms, reconstruction_terms
 from deeplight.training.optimiser import set_learning_rate
@@ -141,6 +141,11 @@ class Run:
         )
         if config.loss.flip:
             terms = join_agreement(terms, log_radiance, config.loss.flip)
+        if config.loss.steady:
+            source = self.setup.source
+            assert isinstance(source, BatchSource)
+            turn = source.turns(config.schedule.batch_size, self.step)
+            terms = join_steadiness(terms, log_radiance, turn, config.loss.steady)
         if networks.adversary is not None:
             terms = networks.adversary.join(terms, log_radiance, inputs, learning_rate)
         if networks.teacher is not None:

@@ -41,6 +41,9 @@ class LossConfig:
     """Weight of the difference between the light of a photo and of its mirror image, mirrored back:
     mean |ln radiance| and 1 - cos of the angle between the main lights. Above 0 every photo is seen
     both ways and learnt from twice."""
+    steady: float = 0.0
+    """Weight of 1 - cos of the angle between the main lights of two frames that follow each other
+    in a take, as the room has them. Above 0 a batch is made of such pairs."""
     bases: str = ""
     """Photographed bases, an .npz of `deeplight reflectance`, for matte silver and diffuse; the
     mirror's is made, as in the paper. Empty: those that travel with the data set (bases.npz), and

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from deeplight.io.atomic import replacing
 from deeplight.sphere import SPHERES
-from deeplight.training.agreement import FLIP
+from deeplight.training.agreement import FLIP, STEADY
 from deeplight.training.config import TrainConfig
 from deeplight.training.devices import mean_over
 from deeplight.training.losses import LossTerms
@@ -58,8 +58,9 @@ def loss_columns(reported: Sequence[str]) -> tuple[str, ...]:
 
 def reported_by(config: TrainConfig) -> tuple[str, ...]:
     """What a run's losses are reported by."""
-    flip = (FLIP,) if config.loss.flip else ()
-    return (*SPHERES, *flip, *ABOUT_D) if config.adversarial.enabled else (*SPHERES, *flip)
+    agreeing = (FLIP,) * bool(config.loss.flip) + (STEADY,) * bool(config.loss.steady)
+    about_d = ABOUT_D if config.adversarial.enabled else ()
+    return (*SPHERES, *agreeing, *about_d)
 
 
 class RecentLosses:
