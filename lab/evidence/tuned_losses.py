@@ -74,7 +74,7 @@ class Row:
 
 
 ROWS = {
-    "as it is taught now, longer": Row(),
+    "three spheres alone": Row(),
     "+ steady": Row(steady=0.1),
     "+ direction and steady": Row(direction=0.05, steady=0.1),
     "+ turn": Row(turn=0.1),
