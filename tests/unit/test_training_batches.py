@@ -1,11 +1,22 @@
 """Laws of the order of examples: a pure function of seed and position."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
 
 from deeplight.errors import ConfigError
-from deeplight.training.data import Batch, Order, PairOrder, StepIndices, take
+from deeplight.frames import world_from_camera
+from deeplight.training.data import (
+    POSE,
+    Batch,
+    BatchSource,
+    Order,
+    PairOrder,
+    StepIndices,
+    take,
+)
 from deeplight.training.fresh import refuse_for_pairs
 from deeplight.training.share import ALONE, Share
 
@@ -60,6 +71,24 @@ def test_a_batch_of_pairs_has_frames_that_follow_each_other():
     assert seen == {(0, 1), (1, 2), (4, 5)}
     alike = PairOrder(np.array(["a"] * 6), seed=0)  # the twin: one take of all
     assert any((alike.batch(step, 4)[:2] == 3).any() for step in range(9))
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_turns_bring_the_first_frames_directions_to_the_second_ones(said):
+    poses = [world_from_camera(0.3 * n, 0.1 * n) for n in range(3)]
+    source = BatchSource.__new__(BatchSource)  # its pictures are not needed
+    details = lambda n: {POSE: poses[n].tolist()} if said else {}  # noqa: E731
+    source.examples = SimpleNamespace(index=SimpleNamespace(details=details))
+    source.order, source.device = PairOrder(np.array(["a"] * 3), seed=0), torch.device("cpu")
+    if not said:
+        with pytest.raises(ConfigError, match="how the camera was held"):
+            source.turns(4, 0)
+        return
+    (first, _), (second, _) = np.split(source.order.batch(0, 4), 2)
+    towards = np.array([0.0, 0.6, 0.8])
+    in_second = source.turns(4, 0)[0].numpy() @ (poses[first].T @ towards)
+    np.testing.assert_allclose(in_second, poses[second].T @ towards, atol=1e-6)
+    assert not np.allclose(in_second, poses[first].T @ towards, atol=0.05)
 
 
 def test_takes_of_single_frames_have_no_pairs():

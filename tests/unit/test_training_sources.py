@@ -33,7 +33,7 @@ def example(split, places, n):
     photo = np.full((192, 135, 3), n + 1, np.uint8)
     spheres = {name: np.full((32, 32, 3), n + 1, np.uint8) for name in PAPER_RIG.views}
     meta = ExampleMeta(place, "take", n, "indoor", split, "paper", "toy", "CC0", "made up")
-    return Example(f"{split}-{n}", photo, spheres, meta)
+    return Example(f"{split}-{n}", photo, spheres, replace(meta, details={"number": n}))
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +55,9 @@ def test_examples_of_all_data_sets_are_learnt_from_in_order(first, second):
     assert shown(chosen) == [1, 2, 3, 4, 5, 6, 1, 2, 3, 4]
     assert chosen.places.tolist() == [*"abcabc", *"cdcd"]
     assert shown(Sources(first).training(CONFIG, seed=0)) == [1, 2, 3, 4, 5, 6]
+    assert [chosen.details(n)["number"] for n in range(10)] == [*range(6), *range(4)]
+    takes = chosen.takes.tolist()  # all are named alike
+    assert [takes.index(name) for name in takes] == [0, 1, 2, 0, 1, 2, 6, 7, 6, 7]
 
 
 def test_fewer_places_are_among_more_and_keep_all_their_examples(first, second):

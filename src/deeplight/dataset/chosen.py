@@ -15,7 +15,7 @@ class Chosen:
 
     Attributes:
         places, rigs: of all examples, as arrays of text.
-        takes: names, no two of them alike in two indices.
+        takes: names, those of two indices or places never alike.
     """
 
     def __init__(self, indices: Sequence[SplitIndex], places: int = 0, seed: int = 0) -> None:
@@ -41,8 +41,8 @@ class Chosen:
         self.places = every[kept]
         self.rigs = np.concatenate([index.rigs for index in indices])[kept]
 
-        takes = [np.char.add(f"{part}: ", index.takes) for part, index in enumerate(indices)]
-        self.takes = np.concatenate(takes)[kept]
+        names = [f"{part}: {place}: " for part, place in zip(self._part, self.places, strict=True)]
+        self.takes = np.char.add(names, np.concatenate([index.takes for index in indices])[kept])
 
     def __len__(self) -> int:
         return len(self.places)
