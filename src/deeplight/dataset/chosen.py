@@ -41,8 +41,8 @@ class Chosen:
         self.places = every[kept]
         self.rigs = np.concatenate([index.rigs for index in indices])[kept]
 
-        names = [f"{part}: {place}: " for part, place in zip(self._part, self.places, strict=True)]
-        self.takes = np.char.add(names, np.concatenate([index.takes for index in indices])[kept])
+        clips = [f"{part}: {place}: " for part, place in zip(self._part, self.places, strict=True)]
+        self.takes = np.char.add(clips, np.concatenate([index.takes for index in indices])[kept])
 
     def __len__(self) -> int:
         return len(self.places)
