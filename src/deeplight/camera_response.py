@@ -49,10 +49,11 @@ class CameraResponse:
         exposure_stops: doublings of the scene's radiance before the clip.
         white_balance: gain of red, green and blue before the clip.
 
-    >>> grey = np.array([[0.5, 0.5, 0.5], [8.0, 8.0, 8.0]])
-    >>> deeplight.CameraResponse(exposure_stops=-1.0).pixel_from_radiance(grey).round(3)
-    array([[0.533, 0.533, 0.533],
-           [1.   , 1.   , 1.   ]])
+    Examples:
+        >>> grey = np.array([[0.5, 0.5, 0.5], [8.0, 8.0, 8.0]])
+        >>> deeplight.CameraResponse(exposure_stops=-1.0).pixel_from_radiance(grey).round(3)
+        array([[0.533, 0.533, 0.533],
+               [1.   , 1.   , 1.   ]])
     """
 
     gamma: float = GAMMA

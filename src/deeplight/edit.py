@@ -36,9 +36,10 @@ class Edit:
         stops: brightness in doublings.
         neutral: share, 0 to 1, of even white light of the same luminous power mixed in.
 
-    >>> grey = deeplight.Environment(np.full((64, 128, 3), 0.25, np.float32))
-    >>> float(grey.edited(deeplight.Edit(stops=1.0)).radiance.mean())
-    0.5
+    Examples:
+        >>> grey = deeplight.Environment(np.full((64, 128, 3), 0.25, np.float32))
+        >>> float(grey.edited(deeplight.Edit(stops=1.0)).radiance.mean())
+        0.5
     """
 
     main_light: float = 1.0

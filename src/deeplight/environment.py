@@ -51,10 +51,11 @@ class Environment:
         ShapeError: not twice as wide as high, black, not finite, more than ringing is negative,
             or `seen` of another size or range.
 
-    >>> room = np.full((64, 128, 3), 0.1, np.float32)
-    >>> room[10, 96] = 200.0  # a lamp, right of the view and up
-    >>> deeplight.Environment(room).main_light.direction.round(2)
-    array([0.49, 0.87, 0.01], dtype=float32)
+    Examples:
+        >>> room = np.full((64, 128, 3), 0.1, np.float32)
+        >>> room[10, 96] = 200.0  # a lamp, right of the view and up
+        >>> deeplight.Environment(room).main_light.direction.round(2)
+        array([0.49, 0.87, 0.01], dtype=float32)
     """
 
     radiance: Float[np.ndarray, "height width 3"]

@@ -59,9 +59,10 @@ def spherical_harmonics(light: HasLighting, order: int = 2) -> Float[np.ndarray,
     Orthonormal real harmonics, order 00, 1-1, 10, 11, 2-2 ..., all positive (three.js, Ramamoorthi
     and Hanrahan 2001).
 
-    >>> white = deeplight.Lighting(np.ones((32, 32, 3), np.float32))
-    >>> round(float(deeplight.spherical_harmonics(white)[0, 0]), 3)  # 2 sqrt(pi)
-    3.545
+    Examples:
+        >>> white = deeplight.Lighting(np.ones((32, 32, 3), np.float32))
+        >>> round(float(deeplight.spherical_harmonics(white)[0, 0]), 3)  # 2 sqrt(pi)
+        3.545
     """
     lighting = light.lighting
     directions, inside = mirror_ball.subpixels(lighting.size)
@@ -170,11 +171,12 @@ def dominant_light(light: HasLighting, cone_rad: float = 0.35) -> DominantLight:
         light: a `Lighting`, or an `Environment`, whose `main_light` is as fine as it is.
         cone_rad: radius of the spot.
 
-    >>> room = np.full((64, 128, 3), 0.1, np.float32)
-    >>> room[10, 96] = 200.0  # a lamp, right of the view and up
-    >>> light = deeplight.dominant_light(deeplight.Environment(room))
-    >>> light.direction.round(1), round(float(light.share), 2)
-    (array([0.5, 0.9, 0.1], dtype=float32), 0.16)
+    Examples:
+        >>> room = np.full((64, 128, 3), 0.1, np.float32)
+        >>> room[10, 96] = 200.0  # a lamp, right of the view and up
+        >>> light = deeplight.dominant_light(deeplight.Environment(room))
+        >>> light.direction.round(1), round(float(light.share), 2)
+        (array([0.5, 0.9, 0.1], dtype=float32), 0.16)
     """
     lighting = light.lighting
     directions = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)

@@ -31,8 +31,9 @@ class Lighting:
             just saturates. Finite and not negative; pixels off the disc mean nothing.
             Read-only.
 
-    >>> deeplight.Lighting(np.ones((32, 32, 3), np.float32))
-    Lighting(32 x 32 ball, mean radiance [1.0, 1.0, 1.0])
+    Examples:
+        >>> deeplight.Lighting(np.ones((32, 32, 3), np.float32))
+        Lighting(32 x 32 ball, mean radiance [1.0, 1.0, 1.0])
     """
 
     radiance: Float[np.ndarray, "size size 3"]

@@ -84,10 +84,11 @@ def analytic_basis(
     pixel shows the one pixel of light it reflects. Turned into a sphere's own frame it
     becomes the area average over the pixels of light that a crop pixel covers.
 
-    >>> view = deeplight.PAPER_RIG.views["diffuse"]
-    >>> basis = deeplight.analytic_basis("diffuse", view)
-    >>> round(float(basis.weights.sum(1)[16 * 32 + 16]), 3)  # its reflectivity
-    0.345
+    Examples:
+        >>> view = deeplight.PAPER_RIG.views["diffuse"]
+        >>> basis = deeplight.analytic_basis("diffuse", view)
+        >>> round(float(basis.weights.sum(1)[16 * 32 + 16]), 3)  # its reflectivity
+        0.345
     """
     turn = view.ball_from_camera.astype(np.float64).tobytes()
     return _basis(material, turn, view.angular_radius_rad, view.size, light_size)

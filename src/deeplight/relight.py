@@ -35,10 +35,11 @@ def relight(basis: ReflectanceBasis, lighting: Lighting) -> Float[np.ndarray, "s
 def relight_rig(rig: Rig, light: HasLighting) -> dict[str, Float[np.ndarray, "size size 3"]]:
     """All three spheres of a rig under a light, each in its own frame; linear radiance.
 
-    >>> white = deeplight.Lighting(np.ones((32, 32, 3), np.float32))
-    >>> spheres = deeplight.relight_rig(deeplight.PAPER_RIG, white)
-    >>> {name: round(float(radiance[16, 16, 0]), 1) for name, radiance in spheres.items()}
-    {'mirror': 0.8, 'matte_silver': 0.6, 'diffuse': 0.3}
+    Examples:
+        >>> white = deeplight.Lighting(np.ones((32, 32, 3), np.float32))
+        >>> spheres = deeplight.relight_rig(deeplight.PAPER_RIG, white)
+        >>> {name: round(float(radiance[16, 16, 0]), 1) for name, radiance in spheres.items()}
+        {'mirror': 0.8, 'matte_silver': 0.6, 'diffuse': 0.3}
     """
     lighting = light.lighting
     bases = rig_bases(rig, lighting.size)

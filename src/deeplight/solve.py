@@ -51,13 +51,15 @@ def light_from_spheres(
     Raises:
         InputError: one of the two is missing or no square picture.
 
-    >>> white = deeplight.Lighting(np.full((32, 32, 3), 0.5, np.float32))
-    >>> camera = deeplight.CameraResponse()
-    >>> filmed = {name: np.rint(255 * camera.pixel_from_radiance(radiance)).astype(np.uint8)
-    ...           for name, radiance in deeplight.relight_rig(deeplight.PAPER_RIG, white).items()}
-    >>> light = deeplight.light_from_spheres(filmed)
-    >>> bool(np.allclose(light.power() / (4 * np.pi), 0.5, atol=0.01))
-    True
+    Examples:
+        >>> white = deeplight.Lighting(np.full((32, 32, 3), 0.5, np.float32))
+        >>> camera = deeplight.CameraResponse()
+        >>> lit = deeplight.relight_rig(deeplight.PAPER_RIG, white)
+        >>> filmed = {name: np.rint(255 * camera.pixel_from_radiance(radiance)).astype(np.uint8)
+        ...           for name, radiance in lit.items()}
+        >>> light = deeplight.light_from_spheres(filmed)
+        >>> bool(np.allclose(light.power() / (4 * np.pi), 0.5, atol=0.01))
+        True
     """
     bases = rig_bases(PAPER_RIG) if bases is None else bases
     for name in ("mirror", "diffuse"):

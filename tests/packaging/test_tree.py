@@ -68,6 +68,20 @@ def test_the_site_understands_the_heads_of_code_blocks(root: Path) -> None:
     assert not FENCE.fullmatch("python file=a.py")  # what was once read as text
 
 
+def test_the_site_understands_examples_of_docstrings(root: Path) -> None:
+    """They stand below `Examples:`; elsewhere their marks are taken for quotations."""
+    for path in (root / "src").rglob("*.py"):
+        for text in docstrings(path.read_text()):
+            before = text.split(">>>")[0]
+            assert before == text or "Examples:\n" in before, path
+
+
+def docstrings(source: str) -> list[str]:
+    named = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    nodes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, named)]
+    return [ast.get_docstring(node) or "" for node in nodes]
+
+
 PLAIN = re.compile(r"\b(told|tells?|beside|so many)\b", re.IGNORECASE)
 """Words that have a plainer one: say, print, report, next to, number of."""
 

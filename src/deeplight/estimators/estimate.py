@@ -44,12 +44,13 @@ def estimate(
         InputError: the photo cannot be used, or the model is missing.
         OSError: the file cannot be read.
 
-    >>> grey = np.full((240, 180, 3), 128, np.uint8)
-    >>> environment = deeplight.estimate(grey, fov_deg=66)
-    >>> environment.radiance.shape, environment.unit
-    ((256, 512, 3), 'camera_white')
-    >>> bool(abs(environment.radiance[128, 256] - (128 / 255) ** 2.2).max() < 0.01)
-    True
+    Examples:
+        >>> grey = np.full((240, 180, 3), 128, np.uint8)
+        >>> environment = deeplight.estimate(grey, fov_deg=66)
+        >>> environment.radiance.shape, environment.unit
+        ((256, 512, 3), 'camera_white')
+        >>> bool(abs(environment.radiance[128, 256] - (128 / 255) ** 2.2).max() < 0.01)
+        True
     """
     (environment,) = _environments(load_estimator(), [photo], fov_deg, height, fill)
     return environment

@@ -40,11 +40,12 @@ def convert(
         InputError: the light or the output cannot be had.
         OSError: a file cannot be read or written.
 
-    >>> white = deeplight.Environment(np.ones((64, 128, 3), np.float32))
-    >>> deeplight.convert(white, "white.exr")
-    [PosixPath('white.exr')]
-    >>> deeplight.read_environment("white.exr")
-    Environment(64 x 128, camera frame, unit camera_white)
+    Examples:
+        >>> white = deeplight.Environment(np.ones((64, 128, 3), np.float32))
+        >>> deeplight.convert(white, "white.exr")
+        [PosixPath('white.exr')]
+        >>> deeplight.read_environment("white.exr")
+        Environment(64 x 128, camera frame, unit camera_white)
     """
     spec = FileSpec(Path(out), format, mapping, made_for, size)
     return write_environment(_environment(light, spec).edited(edit or Edit()), spec)

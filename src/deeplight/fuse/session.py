@@ -64,9 +64,10 @@ class Added:
 class Session:
     """The light of a place as far as it has been seen.
 
-    >>> session = Session(vertical_fov_rad=1.15, estimate=network)   # doctest: +SKIP
-    >>> session.add(frame, world_from_camera)                        # doctest: +SKIP
-    >>> session.environment().main_light.direction                   # doctest: +SKIP
+    Examples:
+        >>> session = Session(vertical_fov_rad=1.15, estimate=network)   # doctest: +SKIP
+        >>> session.add(frame, world_from_camera)                        # doctest: +SKIP
+        >>> session.environment().main_light.direction                   # doctest: +SKIP
     """
 
     def __init__(
