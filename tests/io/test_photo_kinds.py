@@ -357,3 +357,13 @@ def test_the_fourth_byte_of_a_bmp_is_alpha_where_a_mask_says_so(
     wanted = colour * share + MID_GREY * (1 - share)
     assert np.abs(read.pixels - wanted).max() <= 1
     assert bool(read.notes) == is_seen_through
+
+
+@pytest.mark.parametrize("suffix", [".jp2", ".j2k"])
+@pytest.mark.parametrize("mode", ["RGBA", "LA"])
+def test_the_alpha_of_jpeg_2000_is_laid_over_grey(tmp_path: Path, suffix: str, mode: str) -> None:
+    stored = np.full((48, 64, len(mode)), 200, np.uint8)
+    stored[..., -1] = 128
+    Image.fromarray(stored, mode).save(tmp_path / f"a{suffix}")
+    wanted = 200 * 128 / 255 + MID_GREY * 127 / 255
+    assert np.abs(read_photo(tmp_path / f"a{suffix}").pixels - wanted).max() <= 1

@@ -1,6 +1,7 @@
 """Pictures that state their values in an unusual way: counted down, as Lab, encoded as floats."""
 
 import struct
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -125,3 +126,23 @@ def test_a_tiff_that_begins_with_a_thumbnail_is_its_photo(
     assert file.close()
     wanted = photo() if first_is_smaller else photo()[::2, ::2]
     np.testing.assert_array_equal(read_photo(path).pixels, wanted)
+
+
+@pytest.mark.parametrize("tiled", [True, False])
+def test_alpha_takes_little_memory_whatever_the_tiles(tmp_path: Path, tiled: bool) -> None:
+    path, side = tmp_path / "a.tif", 1600
+    spec = oiio.ImageSpec(side, side, 4, "uint16")
+    spec.tile_width = spec.tile_height = 64 if tiled else 0
+    stored: np.ndarray = np.linspace(0, 65535, side * side * 4).reshape(side, side, 4)
+    file = oiio.ImageOutput.create(str(path))
+    assert file.open(str(path), spec)
+    assert file.write_image(stored.astype(np.uint16))
+    assert file.close()
+    tracemalloc.start()
+    read = read_photo(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 40 * side**2 / 2  # bytes; over grey all at once it was 40 for each pixel
+    share = stored[..., 3:] / 65535
+    wanted = stored[..., :3] / 257 + 118 * (1 - share)  # multiplied by alpha, as TIFF has it
+    assert np.abs(read.pixels - wanted.clip(0, 255)).max() <= 1.5

@@ -43,12 +43,14 @@ from deeplight.io.raw import develop, is_raw
 logging.getLogger("PIL").addHandler(logging.NullHandler())
 
 MAX_PHOTO_PIXELS = 100_000_000
+MAX_JPEG_2000_PIXELS = 50_000_000  # OpenJPEG takes 24 bytes for each
 MIN_SIDE = 32
 """Shortest side in pixels of a photo; less shows no scene to estimate light from."""
 
 JPEG_START = b"\xff\xd8\xff"
 _PILLOW_EXIF = (JPEG_START, b"RIFF", b"II", b"MM")
-DECODED_WHEN_OPENED = (b"GIF8", b"\0\0\0\x0cjP  ", b"\xff\x4f\xff\x51")  # GIF, JPEG 2000
+JPEG_2000 = (b"\0\0\0\x0cjP  ", b"\xff\x4f\xff\x51")
+DECODED_WHEN_OPENED = (b"GIF8", *JPEG_2000)
 
 _PHOTOMETRIC, _CIE_LAB = "tiff:PhotometricInterpretation", 8
 _ROWS = 256  # read and converted at once where a picture is not taken as it is
@@ -130,7 +132,8 @@ def stored_of_pillow(picture: Image.Image, cicp: tuple[int, int] | None = None) 
         return Stored(conversion.picture(picture), exif, notes_on(conversion))
     mode = "RGBA" if picture.has_transparency_data else "RGB"
     deep = picture.mode.startswith(("I", "F"))
-    values = _sixteen_bit(picture) if deep else np.asarray(picture.convert(mode))
+    shown = picture if deep or picture.mode == mode else picture.convert(mode)  # a copy is large
+    values = _sixteen_bit(shown) if deep else np.asarray(shown)
     conversion, misfit = fitting(conversion, is_grey=picture.mode in ("1", "L", "LA") or deep)
     alpha = 3 if values.shape[2] == 4 else None
     pixels, see_through = _as_rgb(values, conversion, alpha, straight=True)
@@ -152,8 +155,9 @@ def checked_facts(path: Path, start: bytes) -> dict[str, Any]:
     if not start.startswith(DECODED_WHEN_OPENED):
         return {}
     try:
+        most = MAX_JPEG_2000_PIXELS if start.startswith(JPEG_2000) else MAX_PHOTO_PIXELS
         with warnings.catch_warnings(action="ignore"), Image.open(path) as picture:
-            check_size(path, *picture.size, MAX_PHOTO_PIXELS)
+            check_size(path, *picture.size, most)
     except Image.DecompressionBombError as error:
         expected = f"a photo of at most {MAX_PHOTO_PIXELS / 1e6:.0f} megapixels"
         raise ImageFileError(expected, f"{path}, far larger", "make it smaller first") from error
@@ -166,6 +170,10 @@ def checked_facts(path: Path, start: bytes) -> dict[str, Any]:
 
 def _decode(path: Path, start: bytes) -> Stored:
     facts = checked_facts(path, start)
+    if start.startswith(JPEG_2000):
+        with Image.open(path) as picture:
+            if picture.mode in ("LA", "RGBA"):  # OpenImageIO multiplies by alpha, as if linear
+                return stored_of_pillow(picture)
     with opened(path, MAX_PHOTO_PIXELS) as file:
         if is_floating_point(file) and not start.startswith(JPEG_START) and not is_encoded(file):
             pixels = _encode_radiance(read_radiance(file, path, MAX_PHOTO_PIXELS))
@@ -251,15 +259,30 @@ def _as_rgb(
     alpha: int | None,
     straight: bool,
 ) -> tuple[UInt8[np.ndarray, "height width 3"], bool]:
-    """One to four channels as sRGB: grey spread, colours converted, alpha laid over mid-grey."""
-    rgb = values[..., :3] if values.shape[2] >= 3 else np.repeat(values[..., :1], 3, axis=2)
-    rgb = eight_bit(rgb) if conversion is None else conversion.pixels(rgb)
-    if alpha is None:
-        return np.ascontiguousarray(rgb), False
-    cover = eight_bit(values[..., alpha])
-    if cover.min() == 255:
-        return np.ascontiguousarray(rgb), False
-    return over_grey(rgb, cover[..., None], straight), True
+    """One to four channels as sRGB: grey spread, colours converted, alpha laid over mid-grey.
+
+    By stripes where there is something to do, so that what is in between takes little memory.
+    """
+    if conversion is None and alpha is None and values.dtype == np.uint8:
+        return np.ascontiguousarray(_three(values)), False
+    result = np.empty((*values.shape[:2], 3), np.uint8)
+    any_seen_through = False
+    for top in range(0, len(values), _ROWS):
+        part = values[top : top + _ROWS]
+        rgb = eight_bit(_three(part)) if conversion is None else conversion.pixels(_three(part))
+        if alpha is not None:
+            cover = eight_bit(part[..., alpha])
+            if cover.min() < 255:
+                rgb, any_seen_through = over_grey(rgb, cover[..., None], straight), True
+        result[top : top + _ROWS] = rgb
+    return result, any_seen_through
+
+
+def _three(
+    values: Shaped[np.ndarray, "rows width channels"],
+) -> Shaped[np.ndarray, "rows width 3"]:
+    """Red, green and blue; of grey the same three times."""
+    return values[..., :3] if values.shape[2] >= 3 else np.repeat(values[..., :1], 3, axis=2)
 
 
 def _sixteen_bit(picture: Image.Image) -> Shaped[np.ndarray, "height width 1"]:
