@@ -1,7 +1,7 @@
 """The scene as Mitsuba takes it: the plane, the objects on it, the light, the camera."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -69,6 +69,17 @@ class Scene:
     albedo: Colour
     texture: Texture | None = None
 
+    def towards_camera(self) -> "Scene":
+        """The same with normals that do not turn away from the camera: see `Mesh.towards`."""
+        eye = np.array([0, self.viewpoint.height_m, 0])
+        return replace(
+            self,
+            solids=[
+                replace(solid, meshes=tuple(mesh.towards(eye) for mesh in solid.meshes))
+                for solid in self.solids
+            ],
+        )
+
     @property
     def box(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Lowest and highest corner of all objects."""
@@ -127,8 +138,7 @@ def mitsuba_scene(mi: Any, scene: Scene, plane: bool = True, solids: bool = True
     if solids:
         for i, solid in enumerate(scene.solids):
             for j, mesh in enumerate(solid.meshes):
-                seen = mesh.towards(np.array([0, scene.viewpoint.height_m, 0]))
-                parts[name_of(i, j)] = _mitsuba_mesh(mi, seen, solid.material)
+                parts[name_of(i, j)] = _mitsuba_mesh(mi, mesh, solid.material)
     return mi.load_dict(parts)
 
 

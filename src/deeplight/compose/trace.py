@@ -160,6 +160,7 @@ class _Tracer:
     """The loaded scenes: with objects, without, and the objects alone."""
 
     def __init__(self, mi: Any, scene: Scene, light_from_below: bool, seed: int) -> None:
+        scene = scene.towards_camera()
         self._mi, self._scene, self._seed = mi, scene, seed
         self._full = mitsuba_scene(mi, scene)
         self._empty = mitsuba_scene(mi, scene, solids=False)
