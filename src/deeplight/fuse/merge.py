@@ -14,6 +14,7 @@ docs/fuse.md has the measurements behind each choice.
 """
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -168,9 +169,15 @@ def _brightest(power: Panorama) -> Float32[np.ndarray, "3"]:
     """The direction round which most of the power lies."""
     rows = min(_FIND_ROWS, len(power))
     coarse = resample.shrink(power, rows, 2 * rows).reshape(-1, 3) @ LUMINANCE.astype(np.float32)
+    best = int((_nearness(rows) @ coarse).argmax())
+    return latlong.directions(rows, 2 * rows).reshape(-1, 3)[best]
+
+
+@lru_cache(maxsize=2)
+def _nearness(rows: int) -> Float32[np.ndarray, "texels texels"]:
+    """e^(kappa (cos - 1)) between all texels of a panorama."""
     directions = latlong.directions(rows, 2 * rows).reshape(-1, 3)
-    near = np.exp(_FIND_KAPPA * (directions @ directions.T - 1))
-    return directions[int((near @ coarse).argmax())]
+    return np.asarray(np.exp(_FIND_KAPPA * (directions @ directions.T - 1)), np.float32)
 
 
 def up_of(views: Sequence[View]) -> Float[np.ndarray, "3"]:
