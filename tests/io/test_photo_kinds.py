@@ -359,11 +359,15 @@ def test_the_fourth_byte_of_a_bmp_is_alpha_where_a_mask_says_so(
     assert bool(read.notes) == is_seen_through
 
 
-@pytest.mark.parametrize("suffix", [".jp2", ".j2k"])
-@pytest.mark.parametrize("mode", ["RGBA", "LA"])
-def test_the_alpha_of_jpeg_2000_is_laid_over_grey(tmp_path: Path, suffix: str, mode: str) -> None:
+STRAIGHT = [(s, m) for s in (".jp2", ".j2k") for m in ("RGBA", "LA")]
+STRAIGHT += [(s, "RGBA") for s in (".dds", ".sgi", ".tga", ".webp", ".png", ".tif")]
+
+
+@pytest.mark.parametrize(("suffix", "mode"), STRAIGHT)
+def test_alpha_is_laid_over_grey_in_every_format(tmp_path: Path, suffix: str, mode: str) -> None:
     stored = np.full((48, 64, len(mode)), 200, np.uint8)
     stored[..., -1] = 128
-    Image.fromarray(stored, mode).save(tmp_path / f"a{suffix}")
+    lossless = {"lossless": True} if suffix == ".webp" else {}
+    Image.fromarray(stored, mode).save(tmp_path / f"a{suffix}", **lossless)
     wanted = 200 * 128 / 255 + MID_GREY * 127 / 255
     assert np.abs(read_photo(tmp_path / f"a{suffix}").pixels - wanted).max() <= 1

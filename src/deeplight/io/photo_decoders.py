@@ -217,8 +217,8 @@ def _read(
         alpha = None
     deep = conversion is not None and str(spec.format) != "uint8"
     kind = oiio.UINT16 if deep else oiio.UINT8
-    # GIF's and BMP's colours are not multiplied by alpha, which nothing states.
-    left_straight = file.format_name() in ("gif", "bmp")
+    # Colours of these are not multiplied by alpha, which nothing states.
+    left_straight = file.format_name() in ("bmp", "dds", "gif", "sgi")
     straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha")) or left_straight
     plain = conversion is None and alpha is None
     is_negative = counts_down(spec)
