@@ -73,7 +73,9 @@ def plain_obj(content: bytes, cut: bool = False) -> tuple[bytes, list[str]]:
     """
     text = unicode(content).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = text.replace(b"\t", b" ")  # trimesh finds no faces behind tabs
-    text = _uncommented(_INDENT.sub(b"", _CONTINUED.sub(b" ", text)))
+    if text.startswith(b" ") or b"\n " in text:  # quick to see, and rare
+        text = _INDENT.sub(b"", text)
+    text = _uncommented(_CONTINUED.sub(b" ", text))
     if _A_ZERO.search(text) and (face := _VERTEX_0.search(text)):
         line = face[0].strip().decode(errors="replace")[:60]
         raise ValueError(f'a face names vertex 0, where they count from 1: "{line}"')
