@@ -82,9 +82,8 @@ ROWS = {
     "+ share near it and turn": Row(mode=0.02, turn=0.1),
     "decay 0.5, dropout 0.5, features 0.3": Row(decay=0.5, dropout=0.5, features=0.3),
     "mixed places": Row(mix=True),
-    "average over 300 steps": Row(ema=0.997),
     "+ steady, five times": Row(steady=0.5),
-    "that decay, direction, steady four times": Row(
+    "that decay, direction twice, steady four times": Row(
         direction=0.1, steady=0.4, decay=0.5, dropout=0.5, features=0.3
     ),
 }
