@@ -5,8 +5,11 @@ import { tmpdir } from "node:os";
 import path from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
+import { type Matrix3x3, product } from "deeplight/core";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
+import { npzArrays, npzFile } from "../packages/deeplight/src/save/npz.ts";
+import { worldFromCamera } from "../src/sensors/pose.ts";
 import { launch, untilLit, visit } from "./browser.ts";
 import { makeClip } from "./clip.ts";
 import { saved } from "./pictures.ts";
@@ -204,8 +207,36 @@ test("what was seen is a file that the page goes on from; another file is refuse
     /Opened \d+/.test(document.querySelector("#status")!.textContent!),
   );
   await untilLit(page);
+  // The same place by another compass: the object stays in sight.
+  await page.setInputFiles("#session-file", { ...file, buffer: turnedAside(buffer) });
+  await page.waitForTimeout(3000);
+  await page.click("#freeze");
+  const inMaterial = async (name: string) => {
+    await page.click('[data-tray="material"]');
+    await page.getByText(name, { exact: true }).click();
+    return saved(page, "#save-picture");
+  };
+  const grey = await inMaterial("Grey");
+  expect((await inMaterial("Grey")).equals(grey)).toBe(true);
+  expect((await inMaterial("Mirror")).equals(grey)).toBe(false);
   await page.setInputFiles("#session-file", { ...file, buffer: buffer.subarray(0, 999) });
   await page.waitForSelector("#notice[open]");
   expect(await page.textContent("#notice-title")).toBe("This file cannot be read");
   await leave();
 });
+
+/** A saved place whose world is turned by 120 degrees. */
+function turnedAside(file: Buffer): Buffer {
+  const arrays = new Map(npzArrays(new Uint8Array(file)));
+  const aside = worldFromCamera((2 * Math.PI) / 3, 0);
+  for (const name of ["rotations", "first_turn"]) {
+    const { shape, values } = arrays.get(name)!;
+    const turned = Float64Array.from(values as Float64Array);
+    for (let at = 0; at < turned.length; at += 9) {
+      const own = [...turned.subarray(at, at + 9)] as unknown as Matrix3x3;
+      turned.set(product(aside, own), at);
+    }
+    arrays.set(name, { shape, values: turned });
+  }
+  return Buffer.from(npzFile(Object.fromEntries(arrays)));
+}

@@ -29,13 +29,13 @@ test("after the first visit everything works with the server gone", async () => 
   const site = await serve();
   const { page, leave } = await visit(browser, site.url, { keeps: true });
   await page.click("#examples button");
-  await untilLit(page);
+  await page.waitForSelector("#viewer[data-light=whole]");
   const online = ballOf((await saved(page, "#save-json")).toString());
   await untilKept(page);
   await site.stop();
   await page.goto(site.url);
   await page.click("#examples button");
-  await untilLit(page);
+  await page.waitForSelector("#viewer[data-light=whole]");
   const offline = ballOf((await saved(page, "#save-json")).toString());
   expect(farthest(offline, online)).toBe(0);
   await page.click('[data-tray="object"]');

@@ -55,6 +55,8 @@ export class App {
   hasSeveralCameras = false;
   /** How the camera is held, as its pictures say. */
   private visualPose: Matrix3x3 | null = null;
+  /** A file was opened whose turns count from another direction. */
+  private isWorldNew = false;
   /** Of a photo: from who gave it, or set by hand. */
   private isTiltKnown = false;
   private watch: Watch | null = null;
@@ -133,7 +135,7 @@ export class App {
       const { watch } = this;
       if (this.state.shows !== "live" || !watch) return;
       const views = await watch.estimator.restorePlace(new Uint8Array(await file.arrayBuffer()));
-      this.visualPose = null;
+      this.isWorldNew = true;
       watch.again();
       announce(`Opened ${views} views.`);
     } catch (error) {
@@ -192,6 +194,7 @@ export class App {
   forget(): void {
     this.watch?.estimator.leavePlace();
     this.visualPose = null;
+    this.isWorldNew = false;
     this.watch?.again();
   }
 
@@ -352,10 +355,11 @@ export class App {
     this.meter.count(performance.now(), tookMs);
     this.showMeter();
     if (isNew) announce("Another place: the light is gathered anew.");
-    if (visualPose) {
-      this.visualPose = visualPose;
-      this.moved();
-    }
+    if (!visualPose) return;
+    if (isNew || this.isWorldNew) this.hand.keepInSight(this.pose(), visualPose);
+    this.visualPose = visualPose;
+    this.isWorldNew = false;
+    this.moved();
   }
 
   private sensedPose(): Matrix3x3 | null {

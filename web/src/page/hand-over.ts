@@ -1,6 +1,7 @@
 /** "In your room" where another app of the phone shows it: Quick Look, Scene Viewer. */
 import { Failure } from "../failure.ts";
 import { isPublic, sceneViewerUrl, type Viewer, viewerOf } from "../handoff/which.ts";
+import { headingOf } from "../sensors/pose.ts";
 import type { App } from "./app.ts";
 import { box, button } from "./elements.ts";
 import type { Notice } from "./notice.ts";
@@ -30,8 +31,7 @@ export function offerViewer(app: App, notice: Notice, hasRoom: boolean): void {
 async function quickLook(app: App): Promise<void> {
   const { usdzOf, USDZ_TYPE } = await import("../handoff/usdz.ts"); // not before it is needed
   const { turnRad, sizeM } = app.hand;
-  const [, , backX, , , , , , backZ] = app.pose();
-  const stand = { turnRad: turnRad - Math.atan2(backX, backZ), sizeM };
+  const stand = { turnRad: turnRad - headingOf(app.pose()), sizeM };
   const file = new Blob([await usdzOf(app.showroom.parts, stand)], { type: USDZ_TYPE });
   const url = URL.createObjectURL(file);
   follow(url, { rel: "ar", download: "deeplight.usdz" });

@@ -1,7 +1,7 @@
 import { turned, type Vector3 } from "deeplight/core";
 import { describe, expect, it } from "vitest";
 import { cameraPose } from "./orientation.ts";
-import { pitchOf, worldFromCamera } from "./pose.ts";
+import { headingOf, pitchOf, worldFromCamera } from "./pose.ts";
 
 const RIGHT: Vector3 = [1, 0, 0];
 const UP: Vector3 = [0, 1, 0];
@@ -54,4 +54,15 @@ describe("cameraPose", () => {
     close(turned(pose, RIGHT), [-1, 0, 0]);
     close(turned(pose, UP), UP);
   });
+});
+
+describe("headingOf", () => {
+  it.each([-2.5, 0, 0.4, 3])(
+    "gives back a turn to the left, however the camera is tilted: %f",
+    (yaw) => {
+      for (const pitch of [-1.2, 0, 0.9]) {
+        expect(headingOf(worldFromCamera(yaw, pitch, 0.3))).toBeCloseTo(yaw, 9);
+      }
+    },
+  );
 });

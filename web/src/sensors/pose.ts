@@ -22,3 +22,8 @@ export function worldFromCamera(yawRad: number, pitchRad: number, rollRad = 0): 
 export function pitchOf(worldFromCamera: Matrix3x3): number {
   return Math.asin(Math.max(-1, Math.min(1, -worldFromCamera[5])));
 }
+
+/** How far the view is turned to the left of -Z; of one straight up or down anything. */
+export function headingOf([, , backX, , , , , , backZ]: Matrix3x3): number {
+  return Math.atan2(backX, backZ);
+}

@@ -1,4 +1,6 @@
 /** Where the object stands, how it is turned and how large it is. */
+import { angleBetween, type Matrix3x3 } from "deeplight/core";
+import { headingOf } from "../sensors/pose.ts";
 import type { Movable } from "./gestures.ts";
 import { groundPoint, sizeSpanning } from "./ground.ts";
 import type { Stage } from "./stage.ts";
@@ -9,6 +11,8 @@ const FIRST_PLACE = [0.5, 0.7] as const;
 const FIRST_SHARE = 0.34;
 /** Of its own heading, so that it shows itself from the front and a side. */
 const FIRST_TURN_RAD = Math.PI / 5;
+/** From one frame to the next nobody turns so far. */
+const JUMP_RAD = 0.2;
 const SMALLEST_M = 0.02;
 const LARGEST_M = 4;
 
@@ -65,8 +69,16 @@ export class Hand implements Movable {
     this.stage.anchor.scale.setScalar(
       sizeSpanning(view, groundPoint(view, ...FIRST_PLACE), FIRST_SHARE),
     );
-    const [, , backX, , , , , , backZ] = view.worldFromCamera;
-    this.turnRad = Math.atan2(backX, backZ) + FIRST_TURN_RAD;
+    this.turnRad = headingOf(view.worldFromCamera) + FIRST_TURN_RAD;
+  }
+
+  /** Where the world's axes have changed under the camera, the object stays where it is seen, and as. */
+  keepInSight(before: Matrix3x3, now: Matrix3x3): void {
+    if (angleBetween(before, now) < JUMP_RAD) return;
+    const place = this.stage.place();
+    this.turnBy(headingOf(now) - headingOf(before));
+    this.stage.setPose(now);
+    this.standAt(...place);
   }
 
   private changed(): void {
