@@ -98,6 +98,17 @@ def test_a_profile_with_a_curve_says_that_floats_are_encoded(
         assert note == "scene-linear file: 1.0 taken as white"  # no curve, or more than white
 
 
+def test_a_damaged_gain_map_is_not_talked_about(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_gain_map_jpeg(tmp_path / "a.jpg", np.full((32, 64, 3), 0.5, np.float32))
+    content = (tmp_path / "a.jpg").read_bytes()
+    scan = content.rfind(b"\xff\xda")  # the gains' own
+    (tmp_path / "b.jpg").write_bytes(content[: scan + 16] + b"\xff\xd9")
+    assert read_photo(tmp_path / "b.jpg").pixels.shape == (32, 64, 3)
+    assert capfd.readouterr().err == ""
+
+
 def test_a_photo_with_a_gain_map_is_what_every_viewer_shows(tmp_path: Path) -> None:
     rows, columns = np.mgrid[0:64, 0:96] / 64
     light = np.stack([0.1 + rows, 0.5 - 0.2 * columns, 3 * columns], axis=-1)

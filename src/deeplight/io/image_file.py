@@ -18,6 +18,13 @@ from deeplight.io.atomic import replacing
 from deeplight.io.quiet import hushed
 from deeplight.io.radiance_pixels import plain_hdr
 
+GAIN_MAP_NAMES = (
+    b"hdrgm",
+    b"/hdr-gain-map/",
+    b":21496",
+    b"com/xap/1.0/",
+)  # Adobe's, ISO's, any XMP
+GAIN_MAP_WITHIN = 200_000  # bytes: behind at most two segments of other metadata
 MAX_SIDE = 30_000
 """Longest side in pixels that is read; longer ones are mistakes or attacks."""
 
@@ -49,8 +56,7 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
     """
     start = first_bytes(path)
     plain = plain_hdr(path, max_pixels) if start.startswith(b"#?") else None
-    # libpng prints what is wrong before it is raised.
-    chatter = hushed() if start.startswith(b"\x89PNG") else nullcontext()
+    chatter = hushed() if _is_talked_about(path, start) else nullcontext()
     with _openable(path, plain) as name, chatter:
         straight_alpha = oiio.ImageSpec()
         straight_alpha.attribute("oiio:UnassociatedAlpha", 1)
@@ -62,6 +68,14 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
             yield file
         finally:
             file.close()
+
+
+def _is_talked_about(path: Path, start: bytes) -> bool:
+    """Whether a decoder prints what is wrong: libpng, and libultrahdr of a JPEG with a gain map."""
+    if start.startswith(b"\x89PNG"):
+        return True
+    head = first_bytes(path, GAIN_MAP_WITHIN)
+    return any(name in head for name in GAIN_MAP_NAMES)
 
 
 @contextmanager
