@@ -23,7 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 # The base install is tested without them (tests/packaging).
 OPTIONAL = set(
     "aiohttp ai_edge_litert astral av cv2 embreex fsspec jinja2 lightning lightning_fabric"
-    " flask litert_torch mapbox_earcut matplotlib mitsuba moto onnx onnxscript pillow_heif pxr pygeomag ray rawpy"
+    " flask litert_torch mapbox_earcut"
+    " matplotlib mitsuba moto onnx onnxscript pillow_heif pxr pygeomag ray rawpy"
     " s3fs safetensors scipy tensorboard torch trimesh DracoPy".split()
 )
 
@@ -40,7 +41,7 @@ LONGEST = (
 
 
 def pytest_collection_finish() -> None:
-    """Leave what was collected to itself: looking it over for garbage took a seventh of the time."""
+    """Spare what was collected the search for garbage, which took a seventh of the time."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000, 50, 50)
