@@ -12,7 +12,7 @@ _COMMENT = re.compile(rb"#[^\n]*")
 _COMMENTED = (b"v ", b"vt", b"vn", b"f ")  # other lines hold names, of which # may be a part
 _A_ZERO = re.compile(rb" 0[/ \n]")  # much quicker to look for
 _VERTEX_0 = re.compile(rb"^f +(?:\S+ +)*0(?=[/ \n]|\Z)[^\n]*", re.MULTILINE)
-_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
+_LIBRARY = re.compile(rb"mtllib[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)  # "^" first is slow
 _ONE_NAME = re.compile(rb"\S.*?\.mtl(?=\s|$)", re.IGNORECASE)
 _MAP = re.compile(rb"^([ \t]*map_kd)[ \t]+(.*?)[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
 _NUMBER = rb"[ \t]+[-+]?[\d.]+(?:e[-+]?\d+)?"
@@ -81,11 +81,19 @@ def plain_obj(content: bytes, cut: bool = False) -> tuple[bytes, list[str]]:
         raise ValueError(f'a face names vertex 0, where they count from 1: "{line}"')
     if cut:
         text = cut_obj(text)
-    lines = _LIBRARY.findall(text)
+    lines: list[bytes] = []
+
+    def taken(found: re.Match[bytes]) -> bytes:
+        if found.start() and text[found.start() - 1] != ord("\n"):
+            return found[0]
+        lines.append(found[1])
+        return b""
+
+    bare = _LIBRARY.sub(taken, text)
     names = [name.decode() for line in lines for name in _ONE_NAME.findall(line) or [line]]
     if not names:
         return text, []
-    return b"mtllib " + LIBRARY.encode() + b"\n" + _LIBRARY.sub(b"", text), names
+    return b"mtllib " + LIBRARY.encode() + b"\n" + bare, names
 
 
 def _uncommented(text: bytes) -> bytes:
