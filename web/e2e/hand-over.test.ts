@@ -34,6 +34,17 @@ async function openPhoto(page: Page): Promise<void> {
   await page.click('[data-tray="object"]');
 }
 
+async function openBox(page: Page): Promise<void> {
+  await page.setInputFiles("#model-file", {
+    name: "box.glb",
+    mimeType: "model/gltf-binary",
+    buffer: boxGlb(),
+  });
+  await expect
+    .poll(() => page.locator("#objects label:has(:checked)").textContent())
+    .toContain("box");
+}
+
 interface Facts {
   readonly complaints: string[];
   readonly up: string;
@@ -84,14 +95,7 @@ test("Quick Look gets what OpenUSD finds no fault with, lit from where the light
   await page.getByText("Mirror", { exact: true }).click();
   await page.click('[data-tray="object"]');
   expect(await handedOver(page)).toMatchObject({ complaints: [], metallic: [1], emits: [false] });
-  await page.setInputFiles("#model-file", {
-    name: "box.glb",
-    mimeType: "model/gltf-binary",
-    buffer: boxGlb(),
-  });
-  await expect
-    .poll(() => page.locator("#objects label:has(:checked)").textContent())
-    .toContain("box");
+  await openBox(page);
   expect(await handedOver(page)).toMatchObject({ complaints: [], triangles: 12, emits: [true] });
   await leave();
 });
@@ -134,14 +138,7 @@ describe("Scene Viewer", () => {
     const shape = await fetch(new URL(buffers[0]!.uri, file.replace(PUBLIC, site.url)));
     expect((await shape.arrayBuffer()).byteLength).toBe(buffers[0]!.byteLength);
     // The user's own object has no address.
-    await page.setInputFiles("#model-file", {
-      name: "box.glb",
-      mimeType: "model/gltf-binary",
-      buffer: boxGlb(),
-    });
-    await expect
-      .poll(() => page.locator("#objects label:has(:checked)").textContent())
-      .toContain("box");
+    await openBox(page);
     await page.click("#hand-over");
     await page.waitForSelector('#notice[open][data-kind="no-scene-viewer"]');
     await leave();

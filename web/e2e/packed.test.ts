@@ -22,6 +22,8 @@ afterAll(async () => {
 // A pyramid.
 const POSITIONS = new Float32Array([-1, 0, -1, 1, 0, -1, 1, 0, 1, -1, 0, 1, 0, 1.5, 0]);
 const FACES = new Uint32Array([0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4, 0, 2, 1, 0, 3, 2]);
+const CORNERS = { componentType: 5126, count: 5, type: "VEC3", min: [-1, 0, -1], max: [1, 1.5, 1] };
+const INDICES = { componentType: 5125, count: FACES.length, type: "SCALAR" };
 
 async function draco(): Promise<Buffer> {
   const draco = await require("draco3dgltf").createEncoderModule({});
@@ -37,10 +39,7 @@ async function draco(): Promise<Buffer> {
     indices: 1,
     extensions: { [name]: { bufferView: 0, attributes: { POSITION: id } } },
   };
-  const accessors = [
-    { componentType: 5126, count: 5, type: "VEC3", min: [-1, 0, -1], max: [1, 1.5, 1] },
-    { componentType: 5125, count: FACES.length, type: "SCALAR" },
-  ];
+  const accessors = [CORNERS, INDICES];
   return glb(bytes, [name], primitive, accessors, [{ buffer: 0, byteLength: bytes.length }]);
 }
 
@@ -75,15 +74,8 @@ async function meshopt(): Promise<Buffer> {
     whole += length;
   }
   const accessors = [
-    {
-      bufferView: 0,
-      componentType: 5126,
-      count: 5,
-      type: "VEC3",
-      min: [-1, 0, -1],
-      max: [1, 1.5, 1],
-    },
-    { bufferView: 1, componentType: 5125, count: FACES.length, type: "SCALAR" },
+    { bufferView: 0, ...CORNERS },
+    { bufferView: 1, ...INDICES },
   ];
   const fallback = { byteLength: whole, extensions: { [name]: { fallback: true } } };
   const primitive = { attributes: { POSITION: 0 }, indices: 1 };
@@ -94,15 +86,8 @@ function plain(): Buffer {
   const bytes = Buffer.concat([Buffer.from(POSITIONS.buffer), Buffer.from(FACES.buffer)]);
   const cut = POSITIONS.byteLength;
   const accessors = [
-    {
-      bufferView: 0,
-      componentType: 5126,
-      count: 5,
-      type: "VEC3",
-      min: [-1, 0, -1],
-      max: [1, 1.5, 1],
-    },
-    { bufferView: 1, componentType: 5125, count: FACES.length, type: "SCALAR" },
+    { bufferView: 0, ...CORNERS },
+    { bufferView: 1, ...INDICES },
   ];
   const views = [
     { buffer: 0, byteLength: cut },
@@ -124,16 +109,9 @@ function textured(image: Buffer, kind: "png" | "ktx2"): Buffer {
   const name = "KHR_texture_basisu";
   const isPacked = kind === "ktx2";
   const accessors = [
-    {
-      bufferView: 0,
-      componentType: 5126,
-      count: 5,
-      type: "VEC3",
-      min: [-1, 0, -1],
-      max: [1, 1.5, 1],
-    },
+    { bufferView: 0, ...CORNERS },
     { bufferView: 1, componentType: 5126, count: 5, type: "VEC2" },
-    { bufferView: 2, componentType: 5125, count: FACES.length, type: "SCALAR" },
+    { bufferView: 2, ...INDICES },
   ];
   const look = {
     images: [{ bufferView: 3, mimeType: `image/${kind}` }],

@@ -86,16 +86,15 @@ def _pieces(path: Path, cut: bool) -> tuple[list[Any], tuple[str, ...]]:
     )
     if neighbours.fault is not None:
         raise neighbours.fault
-    pieces = [piece for piece in scene.dump(concatenate=False) if hasattr(piece, "faces")]
+    pieces = [
+        piece for piece in scene.dump(concatenate=False) if isinstance(piece, trimesh.Trimesh)
+    ]
     return pieces, (PLACED,) if neighbours.has_placed else ()
 
 
 def _folds_back(piece: Any) -> bool:
     """Whether a face looks away from the normals at its corners, as a wrong fan's triangles do."""
-    if not len(piece.faces):
-        return False
-    cosine = np.einsum("fcx,fx->fc", piece.vertex_normals[piece.faces], piece.face_normals)
-    return bool((cosine[piece.area_faces > 0] < FOLDED).any())
+    return len(piece.faces) > 0 and _has_off(piece, piece.vertex_normals, FOLDED)
 
 
 def _whole(path: Path, suffix: str, cut: bool) -> tuple[bytes, list[str]]:
@@ -266,8 +265,13 @@ def _rounds_its_edges(shape: Any, normals: Float[np.ndarray, "n 3"]) -> bool:
 
     So it is in files that give no normals, where trimesh takes the mean of the faces around.
     """
+    return _has_off(shape, normals, float(np.cos(SHARP_RAD)))
+
+
+def _has_off(shape: Any, normals: Float[np.ndarray, "n 3"], least: float) -> bool:
+    """Whether the normal at a corner of some face is at less than this cosine from the face's."""
     cosine = np.einsum("fcx,fx->fc", normals[shape.faces], shape.face_normals)
-    return bool((cosine[shape.area_faces > 0] < np.cos(SHARP_RAD)).any())
+    return bool((cosine[shape.area_faces > 0] < least).any())
 
 
 def _finish(material: Any, textures: Textures) -> Finish:

@@ -8,7 +8,7 @@ from struct import Struct
 import numpy as np
 from jaxtyping import Float, Int
 
-from deeplight.compose.polygons import Faces, fans_out, triangles_of
+from deeplight.compose.polygons import Faces, all_fan_out, triangles_of
 
 _TYPES = {
     name: kind
@@ -70,8 +70,8 @@ def of_triangles(head: bytes, rest: bytes, cut: bool = False) -> bytes | None:
     body = rest[rest.index(b"\n") + 1 :]
     vertices, places, faces = (_from_bytes if layout.order else _from_text)(body, layout)
     counts = {len(face) for face in faces}
-    is_read = not layout.order or len(counts) < 2
-    if counts <= {3} or (is_read and not (cut and not _fan_out(places, faces, counts))):
+    is_mixed = layout.order and len(counts) > 1
+    if counts <= {3} or not (is_mixed or (cut and not all_fan_out(places, faces))):
         return None
     triangles = triangles_of(places, faces)
     start = head[: re.search(rb"(?m)^element[ \t]+face", head).start()]  # type: ignore[union-attr]
@@ -158,13 +158,6 @@ def _from_text(body: bytes, layout: _Layout) -> tuple[bytes, Places, Faces]:
         faces.append([int(word) for word in words[1 : 1 + int(words[0])]])
     vertices = b"\n".join(lines[: layout.vertices]) + b"\n"
     return vertices, rows[:, columns].reshape(-1, 3), faces
-
-
-def _fan_out(places: Places, faces: Faces, counts: set[int]) -> bool:
-    return all(
-        fans_out(places[np.array([face for face in faces if len(face) == count])]).all()
-        for count in counts - {0, 1, 2, 3}
-    )
 
 
 def _written(triangles: Int[np.ndarray, "m 3"], order: str) -> bytes:

@@ -5,7 +5,7 @@ whole from there: a letter, a floor plan, the side of a staircase.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -24,8 +24,7 @@ def fans_out(polygons: Float[np.ndarray, "m n 3"]) -> Bool[np.ndarray, "m"]:
 
     So it does if all triangles of the fan turn the way that the polygon as a whole does.
     """
-    spokes = polygons[:, 1:] - polygons[:, :1]
-    turns = np.cross(spokes[:, :-1], spokes[:, 1:])
+    turns = _turns(polygons)
     whole = turns.sum(1)
     along = np.einsum("mtc,mc->mt", turns, whole)
     return np.all(along >= -FLAT * (whole**2).sum(-1, keepdims=True), axis=1)
@@ -40,8 +39,7 @@ def ears(polygon: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 3"]:
     """
     from mapbox_earcut import triangulate_float64
 
-    spokes = polygon[1:] - polygon[0]
-    normal = np.cross(spokes[:-1], spokes[1:]).sum(0)
+    normal = _turns(polygon[None])[0].sum(0)
     axis = int(np.abs(normal).argmax())
     plane = np.delete(np.roll(polygon, -axis, 1), 0, 1)  # the next two axes, right-handed
     if normal[axis] < 0:
@@ -49,6 +47,12 @@ def ears(polygon: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 3"]:
     found = triangulate_float64(np.ascontiguousarray(plane), np.array([len(plane)], np.uint32))
     triangles: Int[np.ndarray, "m 3"] = found.astype(int).reshape(-1, 3)
     return triangles if len(triangles) == len(polygon) - 2 else _fan(len(polygon))
+
+
+def _turns(polygons: Float[np.ndarray, "m n 3"]) -> Float[np.ndarray, "m triangles 3"]:
+    """Twice the areas of a fan's triangles, along their normals."""
+    spokes = polygons[:, 1:] - polygons[:, :1]
+    return np.cross(spokes[:, :-1], spokes[:, 1:])
 
 
 def _fan(count: int) -> Int[np.ndarray, "m 3"]:
@@ -59,12 +63,22 @@ def _fan(count: int) -> Int[np.ndarray, "m 3"]:
 def triangles_of(places: Float[np.ndarray, "n 3"], faces: Faces) -> Int[np.ndarray, "m 3"]:
     """Cut faces of three corners and more, given by the numbers of their vertices."""
     cut = [np.zeros((0, 3), int)]
-    for count in sorted({len(face) for face in faces} - {0, 1, 2}):
-        corners = np.array([face for face in faces if len(face) == count], int)
+    for corners in _alike(faces):
         plain = fans_out(places[corners])
-        cut.append(corners[plain][:, _fan(count)].reshape(-1, 3))
+        cut.append(corners[plain][:, _fan(corners.shape[1])].reshape(-1, 3))
         cut += [face[ears(places[face])] for face in corners[~plain]]
     return np.concatenate(cut)
+
+
+def all_fan_out(places: Float[np.ndarray, "n 3"], faces: Faces) -> bool:
+    """Whether `fans_out` is so of all faces, given by the numbers of their vertices."""
+    return all(fans_out(places[corners]).all() for corners in _alike(faces))
+
+
+def _alike(faces: Faces) -> Iterator[Int[np.ndarray, "some corners"]]:
+    """The faces of three corners, of four, and so on."""
+    for count in sorted({len(face) for face in faces} - {0, 1, 2}):
+        yield np.array([face for face in faces if len(face) == count], int)
 
 
 def cut_obj(text: bytes) -> bytes:

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from deeplight.frames import Rotation, dot, normalised
-from deeplight.fuse.poses import exponential
+from deeplight.fuse.poses import crosses, exponential
 from deeplight.harmonics import basis
 
 SOFT_RAD = radians(0.3)
@@ -242,7 +242,7 @@ def _linear(
         rays, points = cameras.points(at, plane)
         residual += sign * points
         nudged += sign * cameras.points(at, plane, _NUDGE)[1]
-        slopes[..., first : first + 3] = -sign * _crosses(rays) @ cameras.turns[at, None]
+        slopes[..., first : first + 3] = -sign * crosses(rays) @ cameras.turns[at, None]
         if not len(cameras.depths):
             continue
         across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
@@ -251,18 +251,3 @@ def _linear(
         slopes[..., 13:] += sign * parallax * cameras.harmonics(rays)[..., None, :]
     slopes[..., 12] = (nudged - residual) / _NUDGE
     return slopes, residual
-
-
-def _crosses(vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
-    """[v]x of each: the matrix with [v]x w = v x w."""
-    result = np.zeros((*vectors.shape, 3))
-    for row, column, axis, sign in (
-        (0, 1, 2, -1),
-        (0, 2, 1, 1),
-        (1, 0, 2, 1),
-        (1, 2, 0, -1),
-        (2, 0, 1, -1),
-        (2, 1, 0, 1),
-    ):
-        result[..., row, column] = sign * vectors[..., axis]
-    return result

@@ -172,9 +172,17 @@ def nearest_rotation(matrix: Float[np.ndarray, "3 3"]) -> Rotation:
 def exponential(vector: Float[np.ndarray, "3"]) -> Rotation:
     """The rotation about `vector` by its length in radians (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
-    x, y, z = vector / angle if angle > 1e-12 else vector
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    cross = crosses(vector / angle if angle > 1e-12 else vector)
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def crosses(vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
+    """[v]x of each: the matrix with [v]x w = v x w."""
+    x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
+    result = np.zeros((*x.shape, 3, 3))
+    result[..., 0, 1], result[..., 0, 2], result[..., 1, 2] = -z, y, -x
+    result[..., 1, 0], result[..., 2, 0], result[..., 2, 1] = z, -y, x
+    return result
 
 
 def logarithm(matrix: Rotation) -> Float[np.ndarray, "3"]:

@@ -18,12 +18,7 @@ from deeplight.io.atomic import replacing
 from deeplight.io.quiet import hushed
 from deeplight.io.radiance_pixels import plain_hdr
 
-GAIN_MAP_NAMES = (
-    b"hdrgm",
-    b"/hdr-gain-map/",
-    b":21496",
-    b"com/xap/1.0/",
-)  # Adobe's, ISO's, any XMP
+GAIN_MAP_NAMES = (b"hdrgm", b":21496")  # Adobe's and ISO's
 GAIN_MAP_WITHIN = 200_000  # bytes: behind at most two segments of other metadata
 MAX_SIDE = 30_000
 """Longest side in pixels that is read; longer ones are mistakes or attacks."""
@@ -72,8 +67,8 @@ def opened(path: Path, max_pixels: int) -> Iterator[oiio.ImageInput]:
 
 def _is_talked_about(path: Path, start: bytes) -> bool:
     """Whether a decoder prints what is wrong: libpng, and libultrahdr of a JPEG with a gain map."""
-    if start.startswith(b"\x89PNG"):
-        return True
+    if not start.startswith(b"\xff\xd8\xff"):
+        return start.startswith(b"\x89PNG")
     head = first_bytes(path, GAIN_MAP_WITHIN)
     return any(name in head for name in GAIN_MAP_NAMES)
 
