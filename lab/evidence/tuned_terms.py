@@ -8,10 +8,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from deeplight.camera_response import LUMINANCE
-from deeplight.lobe import lobe_grid
 from deeplight.mappings import mirror_ball
-from deeplight.training.agreement import SHARPNESS, main_direction
+from deeplight.training.agreement import jump_of, main_direction, sharpened
 from deeplight.training.distil import lit_l1
 
 WEIGHTS = (0.3, 0.3, 0.4)
@@ -35,11 +33,8 @@ def mode_loss(
     """-ln of the share of the light, its radiance to the power of `SHARPNESS`, that comes from near
     the true main light: the score of a forecast of its direction."""
     known = true.isfinite().all(1)
-    towards, solid_angle = (torch.tensor(part) for part in lobe_grid(log_radiance.shape[-1]))
-    scale = torch.tensor(LUMINANCE, dtype=torch.float32)
-    luminance = torch.einsum("nchw,c->nhw", log_radiance[known].exp(), scale).flatten(1)
-    share = (luminance / luminance.amax(1, keepdim=True)) ** SHARPNESS * solid_angle
-    share = share / share.sum(1, keepdim=True)
+    towards, power = sharpened(log_radiance[known])
+    share = power / power.sum(1, keepdim=True)
     near = torch.exp(NEAR * (true[known] @ towards.T - 1))
     return -torch.log((share * near).sum(1) + LEAST).mean()
 
@@ -49,9 +44,7 @@ def turn_loss(
 ) -> Float[Tensor, ""]:
     """1 - cos of the angle between the main lights of two frames of one take, in one frame of
     reference; the first half of `log_radiance` are the first frames."""
-    one, other = main_direction(log_radiance).chunk(2)
-    turn = second_from_first(world_from_camera)
-    return 1 - (torch.einsum("nij,nj->ni", turn, one) * other).sum(1).mean()
+    return jump_of(log_radiance, second_from_first(world_from_camera))
 
 
 def steadiness_loss(
