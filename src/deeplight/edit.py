@@ -107,15 +107,7 @@ def _main_light_changed(radiance: Panorama, edit: Edit) -> Panorama:
     rest = np.maximum(radiance - excess, 0)
     if edit.main_light_to is not None:
         to = direction_of(*edit.main_light_to)
-        excess = resample.turned_latlong(excess, _shortest_turn(light.direction.astype(float), to))
+        excess = resample.turned_latlong(
+            excess, frames.shortest_turn(light.direction.astype(float), to)
+        )
     return (rest + edit.main_light * excess).astype(np.float32)
-
-
-def _shortest_turn(old: np.ndarray, new: np.ndarray) -> Rotation:
-    """The rotation about one axis that takes one unit direction to another (Rodrigues)."""
-    axis, cosine = np.cross(old, new), float(old @ new)
-    if cosine < -1 + 1e-9:  # straight opposite: half a turn about anything across
-        across = frames.normalised(np.cross(old, np.eye(3)[np.abs(old).argmin()]))
-        return 2 * np.outer(across, across) - np.eye(3)
-    cross = np.cross(np.eye(3), axis)
-    return np.eye(3) + cross + cross @ cross / (1 + cosine)

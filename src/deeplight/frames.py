@@ -51,6 +51,47 @@ def world_from_camera(yaw_rad: float, pitch_rad: float = 0.0, roll_rad: float = 
     return rotation("y", yaw_rad) @ rotation("x", pitch_rad) @ rotation("z", roll_rad)
 
 
+def from_quaternion(quaternion: Float[np.ndarray, "4"]) -> Rotation:
+    """The rotation of a quaternion (x, y, z, w) of any length but 0."""
+    length = float(np.linalg.norm(quaternion))
+    if not 1e-6 < length < 1e6:  # false for nan as well
+        raise ValueError("a quaternion without length")
+    x, y, z, w = quaternion / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def exponential(vector: Float[np.ndarray, "3"]) -> Rotation:
+    """The rotation about `vector` by its length in radians (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    cross = crosses(vector / angle if angle > 1e-12 else vector)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def crosses(vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
+    """[v]x of each: the matrix with [v]x w = v x w."""
+    x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
+    result = np.zeros((*x.shape, 3, 3))
+    result[..., 0, 1], result[..., 0, 2], result[..., 1, 2] = -z, y, -x
+    result[..., 1, 0], result[..., 2, 0], result[..., 2, 1] = z, -y, x
+    return result
+
+
+def shortest_turn(old: Float[np.ndarray, "3"], new: Float[np.ndarray, "3"]) -> Rotation:
+    """The rotation about one axis that takes one unit direction to another (Rodrigues)."""
+    axis, cosine = np.cross(old, new), float(old @ new)
+    if cosine < -1 + 1e-9:  # straight opposite: half a turn about anything across
+        across = normalised(np.cross(old, np.eye(3)[np.abs(old).argmin()]))
+        return 2 * np.outer(across, across) - np.eye(3)
+    cross = np.cross(np.eye(3), axis)
+    return np.eye(3) + cross + cross @ cross / (1 + cosine)
+
+
 def looking_at(direction: Float[np.ndarray, "3"]) -> Rotation:
     """`target_from_camera`: the frame whose -Z is `direction`, with +X kept level.
 

@@ -5,11 +5,12 @@ from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
+import made_up_pans
+import motion_tracks
 from deeplight.cli.main import main
 from deeplight.fuse import clip as clip_module
 from deeplight.fuse import fuse as fuse_module
@@ -28,15 +29,7 @@ HEIGHT = 64
 
 @lru_cache
 def pan() -> Pan:
-    """A turn of 12 pictures through a place full of things of all sizes and colours."""
-    rng = np.random.default_rng(3)
-    place = np.full((256, 512, 3), 0.3, np.float32)
-    for size in np.geomspace(60, 3, 700):
-        centre = (int(rng.integers(512)), int(rng.integers(40, 216)))
-        axes = (int(size * rng.uniform(0.3, 1)), int(size * rng.uniform(0.3, 1)))
-        colour = rng.uniform(0.02, 0.9, 3).tolist()
-        cv2.ellipse(place, centre, axes, rng.uniform(0, 180), 0, 360, colour, -1)
-    return film_pan(place, Sweep(12), Troubles(0.0), np.random.default_rng(1), (320, 180))
+    return made_up_pans.pan(12, Troubles(0.0), things=700)
 
 
 def clip(folder: Path) -> Path:
@@ -163,9 +156,14 @@ def test_front_and_back_camera_look_opposite_ways(tmp_path: Path) -> None:
     assert found.seen[HEIGHT // 2, [0, HEIGHT, HEIGHT // 2]].tolist() == [1, 1, 0]
 
 
-def test_a_level_light_has_up_at_the_top(tmp_path: Path) -> None:
+def test_a_level_light_has_up_at_the_top(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
-    assert fuse(out, clip(tmp_path), "--poses", poses(tmp_path), "--fov", "66", "--level") == 0
+    samples = [motion_tracks.camm(frame.rotation) for frame in pan().frames]
+    film = motion_tracks.add_track(clip(tmp_path), b"camm", samples, 0.2)
+    assert fuse(out, film, "--fov", "66", "--level") == 0
+    assert "rotations from CAMM metadata" in capsys.readouterr().out
     found = read_environment(out / "clip.json")
     assert found.seen is not None
     rows = (found.seen > 0.5).nonzero()[0]

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from deeplight.frames import Rotation, world_from_camera
+from deeplight.frames import Rotation, exponential, world_from_camera
 from deeplight.fuse.adjust import Free, Pair, adjusted
-from deeplight.fuse.poses import angle_between, exponential
+from deeplight.fuse.poses import angle_between
 
 PICTURES, POINTS = 18, 3000
 LOW, HIGH = np.array([-2.0, -1.5, -3.0]), np.array([3.0, 1.3, 4.0])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from deeplight.errors import ConfigError
-from deeplight.frames import Rotation, rotation, world_from_camera
-from deeplight.fuse.poses import between, exponential, from_quaternion, logarithm, read_poses
+from deeplight.frames import Rotation, exponential, from_quaternion, rotation, world_from_camera
+from deeplight.fuse.poses import between, logarithm, read_poses
 
 TURN = world_from_camera(0.7, -0.3, 0.1)
 

@@ -2,29 +2,20 @@
 
 from functools import lru_cache
 
-import cv2
 import numpy as np
 
+import made_up_pans
 from deeplight.frames import world_from_camera
 from deeplight.fuse.poses import angle_between
 from deeplight.fuse.track import Tracked, track
-from lab.pans import Pan, Sweep, Troubles, film_pan
+from lab.pans import Pan, Troubles
 
 FOV = float(np.radians(66))
 
 
 @lru_cache
 def pan() -> Pan:
-    """A turn of 15 pictures through a place full of things of all sizes and colours."""
-    rng = np.random.default_rng(3)
-    place = np.full((256, 512, 3), 0.3, np.float32)
-    for size in np.geomspace(60, 3, 900):
-        centre = (int(rng.integers(512)), int(rng.integers(40, 216)))
-        axes = (int(size * rng.uniform(0.3, 1)), int(size * rng.uniform(0.3, 1)))
-        colour = rng.uniform(0.02, 0.9, 3).tolist()
-        cv2.ellipse(place, centre, axes, rng.uniform(0, 180), 0, 360, colour, -1)
-    troubles = Troubles(people=2, blur_rad=0.004)
-    return film_pan(place, Sweep(15), troubles, np.random.default_rng(1), (320, 180))
+    return made_up_pans.pan(15, Troubles(people=2, blur_rad=0.004))
 
 
 def errors(found: Tracked, truth: Pan) -> np.ndarray:

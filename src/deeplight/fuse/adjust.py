@@ -15,8 +15,7 @@ from math import radians
 import numpy as np
 from jaxtyping import Float, Int
 
-from deeplight.frames import Rotation, dot, normalised
-from deeplight.fuse.poses import crosses, exponential
+from deeplight.frames import Rotation, crosses, dot, exponential, normalised
 from deeplight.harmonics import basis
 
 SOFT_RAD = radians(0.3)

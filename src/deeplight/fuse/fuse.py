@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import degrees, radians, tan
+from math import degrees, radians
 
 import numpy as np
 from jaxtyping import Float
@@ -18,7 +18,7 @@ from deeplight.fuse.track import Tracked, track
 from deeplight.fuse.view import HEIGHT
 from deeplight.io.kept_folder import KeptFolder
 from deeplight.io.photo_like import PhotoLike, as_photo
-from deeplight.preprocess import ASSUMED_LONG_SIDE_FOV_RAD
+from deeplight.preprocess import frame_photo
 
 _LEVEL_SPREAD = 0.02  # least spread of where cameras' right sides point, to find up from it
 FRONT_FROM_BACK = rotation("y", np.pi)
@@ -167,9 +167,7 @@ def _field_of_view(frames: Sequence[SourceFrame], settings: FuseSettings) -> tup
         return radians(settings.fov_deg), True
     if first.vertical_fov_rad is not None:
         return first.vertical_fov_rad, True
-    height, width, _ = first.pixels.shape
-    half = tan(ASSUMED_LONG_SIDE_FOV_RAD / 2) * height / max(height, width)
-    return float(2 * np.arctan(half)), False
+    return frame_photo(*first.pixels.shape[:2]).vertical_fov_rad, False
 
 
 def _placed(
@@ -251,9 +249,7 @@ def _estimated(estimator: NetworkEstimator, pixels: np.ndarray, fov: float) -> n
 def _add_front(
     session: Session, front: SourceFrame, back: Rotation, estimator: NetworkEstimator
 ) -> None:
-    height, width, _ = front.pixels.shape
-    assumed = 2 * np.arctan(tan(ASSUMED_LONG_SIDE_FOV_RAD / 2) * height / max(height, width))
-    fov = front.vertical_fov_rad or float(assumed)
+    fov = front.vertical_fov_rad or frame_photo(*front.pixels.shape[:2]).vertical_fov_rad
     estimate = _estimated(estimator, front.pixels, fov)
     # Another sensor: what its file says of exposure is on another scale.
     session.add(front.pixels, back @ FRONT_FROM_BACK, estimate, vertical_fov_rad=fov)

@@ -31,7 +31,7 @@ import numpy as np
 from jaxtyping import Float
 
 from deeplight.errors import ConfigError
-from deeplight.frames import Rotation, rotation
+from deeplight.frames import Rotation, exponential, from_quaternion, rotation
 from deeplight.io.boundary import reads_as
 from deeplight.io.json_text import parse_json
 
@@ -146,42 +146,11 @@ def _rotation(frame: Mapping[str, Any], number: int, path: Path) -> Rotation:
     return nearest_rotation(matrix)
 
 
-def from_quaternion(quaternion: Float[np.ndarray, "4"]) -> Rotation:
-    """The rotation of a quaternion (x, y, z, w) of any length but 0."""
-    length = float(np.linalg.norm(quaternion))
-    if not 1e-6 < length < 1e6:  # false for nan as well
-        raise ValueError("a quaternion without length")
-    x, y, z, w = quaternion / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
 def nearest_rotation(matrix: Float[np.ndarray, "3 3"]) -> Rotation:
     """The rotation nearest to a matrix (least squares)."""
     u, _, v = np.linalg.svd(matrix)
     sign = np.diag([1.0, 1.0, np.linalg.det(u @ v)])
     result: np.ndarray = u @ sign @ v
-    return result
-
-
-def exponential(vector: Float[np.ndarray, "3"]) -> Rotation:
-    """The rotation about `vector` by its length in radians (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    cross = crosses(vector / angle if angle > 1e-12 else vector)
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
-
-
-def crosses(vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
-    """[v]x of each: the matrix with [v]x w = v x w."""
-    x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
-    result = np.zeros((*x.shape, 3, 3))
-    result[..., 0, 1], result[..., 0, 2], result[..., 1, 2] = -z, y, -x
-    result[..., 1, 0], result[..., 2, 0], result[..., 2, 1] = z, -y, x
     return result
 
 

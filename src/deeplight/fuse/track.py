@@ -6,7 +6,7 @@ focal length and how far the camera strayed are solved together over all matches
 with last where a turn closes, so that drift is spread and gone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import radians, tan
 
@@ -53,7 +53,7 @@ class Tracked:
 
 
 @dataclass(frozen=True, eq=False)
-class _Features:
+class Features:
     """Points of one picture on the plane at distance 1, at the field of view assumed, and words."""
 
     plane: Float[np.ndarray, "n 2"]
@@ -76,7 +76,7 @@ def track(
         The largest group of pictures that could be placed together; empty if no two match.
     """
     half = tan(vertical_fov_rad / 2)
-    features = [_features(picture, half) for picture in pictures]
+    features = [features_of(picture, half) for picture in pictures]
     count = len(pictures)
     tried = {(k, j) for j in range(count) for k in range(max(0, j - _AHEAD), j)}
     pairs = _all_matched(features, sorted(tried))
@@ -101,7 +101,8 @@ def _settled(before: dict[int, Rotation], after: dict[int, Rotation]) -> bool:
     )
 
 
-def _features(picture: UInt8[np.ndarray, "height width 3"], half_height: float) -> _Features:
+def features_of(picture: UInt8[np.ndarray, "height width 3"], half_height: float) -> Features:
+    """What may be found again in another picture; `half_height`: of the picture on that plane."""
     scale = min(1.0, WORKING_SIDE / max(picture.shape[:2]))
     grey = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY)
     if scale < 1:
@@ -111,16 +112,16 @@ def _features(picture: UInt8[np.ndarray, "height width 3"], half_height: float) 
         grey = cv2.convertScaleAbs(grey, alpha=_BRIGHT / bright)
     points, words = cv2.SIFT.create(FEATURES, contrastThreshold=0.015).detectAndCompute(grey, None)
     if words is None or len(words) < 2:
-        return _Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
+        return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
     at = np.array([point.pt for point in points])
     height, width = grey.shape
     plane = (at + 0.5 - [width / 2, height / 2]) * [1, -1] * (2 * half_height / height)
     roots = np.sqrt(words / np.maximum(words.sum(1, keepdims=True), 1e-9))  # Arandjelovic 2012
-    return _Features(plane, roots.astype(np.float32))
+    return Features(plane, roots.astype(np.float32))
 
 
-def _all_matched(features: list[_Features], tried: Sequence[tuple[int, int]]) -> list[Pair]:
-    found = (_matched(features, *pair) for pair in tried)
+def _all_matched(features: list[Features], tried: Sequence[tuple[int, int]]) -> list[Pair]:
+    found = (matched(features, *pair) for pair in tried)
     return [pair for pair in found if pair is not None]
 
 
@@ -149,7 +150,9 @@ def _near(rotations: dict[int, Rotation], tried: set[tuple[int, int]]) -> list[t
     return found
 
 
-def _matched(features: list[_Features], first: int, second: int) -> Pair | None:
+def matched(
+    features: Mapping[int, Features] | Sequence[Features], first: int, second: int
+) -> Pair | None:
     """Match two pictures and find the rotation between them, None if they do not overlap."""
     a, b = features[first], features[second]
     if min(len(a.plane), len(b.plane)) < FEWEST:

@@ -130,7 +130,7 @@ class VideoFacts:
     variable_rate: bool | None
 
 
-class _Film(NamedTuple):
+class Film(NamedTuple):
     """An opened file, the stream that is the film, its decoder, and how it is to be shown."""
 
     container: "av.container.InputContainer"
@@ -183,7 +183,7 @@ def video_frames(path: Path | str, from_s: float = -math.inf) -> Iterator[VideoF
 def _lands_before(path: Path, from_s: float) -> bool:
     """Whether springing to a time ends at a frame before it, or at it."""
     try:
-        with _opened(path) as film:
+        with opened(path) as film:
             _spring(film, from_s)
             first = next(_decoded(film, path), None)
             return first is not None and first.pts is not None and first.time <= from_s
@@ -191,14 +191,14 @@ def _lands_before(path: Path, from_s: float) -> bool:
         return False
 
 
-def _spring(film: _Film, to_s: float) -> None:
+def _spring(film: Film, to_s: float) -> None:
     ticks = int(to_s / film.stream.time_base) if film.stream.time_base else 0
     film.container.seek(ticks, stream=film.stream, backward=True)
 
 
 def _frames_from(path: Path, from_s: float, spring: bool) -> Iterator[VideoFrame]:
     count, skipped, lost, size = 0, 0, 0, None
-    with _opened(path) as film:
+    with opened(path) as film:
         if spring:
             _spring(film, from_s)
         rate = film.stream.average_rate
@@ -231,7 +231,7 @@ def facts(path: Path | str) -> VideoFacts:
         OSError, ImageFileError, MissingExtraError: as `video_frames`.
     """
     path = Path(path)
-    with _opened(path) as film:
+    with opened(path) as film:
         frame = next(_decoded(film, path), None)
         if frame is None:
             raise _no_video(path)
@@ -241,7 +241,7 @@ def facts(path: Path | str) -> VideoFacts:
         rate, ticks = stream.average_rate, stream.duration
         length = ticks * stream.time_base if ticks and stream.time_base else None
         claimed, codec = stream.frames or None, stream.codec_context.name
-    with _opened(path) as film:  # again: the first frame has consumed packets
+    with opened(path) as film:  # again: the first frame has consumed packets
         uneven = _uneven(film)
     height, width = look.upright(np.empty((frame.height, frame.width), np.uint8)).shape
     return VideoFacts(
@@ -259,8 +259,12 @@ def facts(path: Path | str) -> VideoFacts:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[_Film]:
-    """The file's film; everything FFmpeg says becomes one error."""
+def opened(path: Path) -> Iterator[Film]:
+    """The file's film; everything FFmpeg says becomes one error.
+
+    Raises:
+        OSError, ImageFileError, MissingExtraError: as `video_frames`.
+    """
     start = first_bytes(path, 4096)
     try:
         import av
@@ -288,7 +292,7 @@ def _opened(path: Path) -> Iterator[_Film]:
                 # 0 is as many as there are cores; a worker next to others has to keep to one.
                 one = os.environ.get("OMP_NUM_THREADS") == "1"
                 decoder.thread_count = int(one)
-                yield _Film(container, stream, decoder, look)
+                yield Film(container, stream, decoder, look)
         except av.error.FFmpegError as error:
             if _is_text(start):
                 expected, got = "a video", f"{path}, a text: a playlist or list of other files?"
@@ -333,7 +337,7 @@ def _is_text(start: bytes) -> bool:
     return not any(byte < 9 or 13 < byte < 32 for byte in start)
 
 
-def _decoded(film: _Film, path: Path) -> Iterator["av.VideoFrame"]:
+def _decoded(film: Film, path: Path) -> Iterator["av.VideoFrame"]:
     for packet in film.container.demux(film.stream):
         if packet.is_corrupt:  # a file cut off inside this packet
             yield from film.decoder.decode(None)  # the whole ones that the decoder still holds
@@ -341,7 +345,7 @@ def _decoded(film: _Film, path: Path) -> Iterator["av.VideoFrame"]:
         yield from film.decoder.decode(packet)
 
 
-def _uneven(film: _Film) -> bool | None:
+def _uneven(film: Film) -> bool | None:
     """Whether the distances between frames differ by more than the clock's ticks explain."""
     times: list[int] = []
     for packet in film.container.demux(film.stream):
