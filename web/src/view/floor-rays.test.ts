@@ -1,4 +1,11 @@
-import { IDENTITY, Light, Lighting, pixelOfDirection, texelDirections } from "deeplight/core";
+import {
+  addLamps,
+  IDENTITY,
+  Light,
+  Lighting,
+  pixelOfDirection,
+  texelDirections,
+} from "deeplight/core";
 import { describe, expect, it } from "vitest";
 import { worldFromCamera } from "../sensors/pose.ts";
 import { floorRays } from "./floor-rays.ts";
@@ -72,5 +79,28 @@ describe("floorRays", () => {
     }
     expect(atSun).toBeGreaterThan(70);
     expect(near).toBeLessThan(3);
+  });
+
+  it("draws from a known lamp itself, not from the texels that it lies across", () => {
+    const height = 256;
+    const direction = [Math.sin(0.7), Math.cos(0.7), 0] as const; // 28.5 rows of 128 down
+    const sun = { direction, flux: [9, 8, 7] as const, angularRadiusRad: 0.0047 };
+    const radiance = new Float32Array(6 * height ** 2).fill(0.2);
+    addLamps(radiance, [sun], height);
+    const environment = { radiance, seen: new Float32Array(2 * height ** 2), height };
+    const offs = (light: Light): number[] => {
+      const { toLight, power } = floorRays(light, IDENTITY, 96);
+      for (const sum of sums(power)) expect(sum).toBeCloseTo(1, 1);
+      return Array.from({ length: 96 }, (_, ray) => {
+        const along = direction.map((value, c) => value - toLight[3 * ray + c]!);
+        return Math.hypot(...along);
+      }).filter((off) => off < 0.1);
+    };
+    const known = offs(Light.of(environment, null, [sun]));
+    expect(known.length).toBeGreaterThan(80);
+    expect(Math.max(...known)).toBeLessThan(sun.angularRadiusRad * 1.01);
+    const unknown = offs(Light.of({ ...environment }, null));
+    expect(Math.abs(unknown.length - known.length)).toBeLessThan(3); // as much light
+    expect(Math.max(...unknown)).toBeGreaterThan(sun.angularRadiusRad);
   });
 });

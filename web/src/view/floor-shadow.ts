@@ -31,9 +31,9 @@ import {
 } from "three";
 import { floorRays } from "./floor-rays.ts";
 
-const PIXELS = 512;
+const PIXELS = 1024;
 /** Half the side of the floor that can be in shadow, for an object of size 1. */
-const REACH = 2.5;
+const REACH = 3.5;
 const MOST_RAYS = 96;
 const LEAST_RAYS = 16;
 const MOST_TRIANGLES_DRAWN = 6e6;

@@ -17,7 +17,7 @@ export {
   irradianceCoefficients,
   norm,
 } from "./light/harmonics.ts";
-export type { Lamp } from "./light/lamp.ts";
+export { addLamps, type Lamp } from "./light/lamp.ts";
 export { Lighting } from "./light/lighting.ts";
 export type { MainLight } from "./light/main-light.ts";
 export * from "./light/matrix.ts";
