@@ -43,12 +43,14 @@ class ClipViews:
         rendered: linear radiance by sphere, (examples, size, size, 3).
         filmed: pixel values, 0 to 1, likewise.
         bases: of the rig's spheres.
+        cameras: that the clips say they were filmed with, each once.
     """
 
     places: np.ndarray
     rendered: dict[str, np.ndarray]
     filmed: dict[str, np.ndarray]
     bases: dict[str, ReflectanceBasis]
+    cameras: frozenset[str] = frozenset()
 
     def losses(self) -> Float64[np.ndarray, "examples 3 gains"]:
         """Equation 4 with the weights of the spheres, by channel, at every gain of `GRID`."""
@@ -83,9 +85,16 @@ def views_of(
             light = np.concatenate([_light(model, chunk) for chunk in _chunks(examples)])
             bases = data.bases(str(rig), light.shape[1])
             rendered = rendered_radiance(bases, light)
-            found.append(ClipViews(index.places[numbers], rendered, filmed_pixels(examples), bases))
+            pixels, cameras = filmed_pixels(examples), cameras_in(examples)
+            found.append(ClipViews(index.places[numbers], rendered, pixels, bases, cameras))
             progress(len(numbers))
     return found
+
+
+def cameras_in(examples: Sequence[Example]) -> frozenset[str]:
+    """Make and model of every camera that `deeplight capture` found in the clips."""
+    named = (example.meta.details.get("camera", "") for example in examples)
+    return frozenset(str(name) for name in named if name)
 
 
 def _some(numbers: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -114,12 +123,14 @@ class GainCalibration:
         places: how many it was found in.
         before, after: means over the places, by name of metric: without it, and with what the
             other places alone gave.
+        camera: whose photos they are for; empty for those of all cameras.
     """
 
     log_gains: tuple[float, float, float]
     places: int
     before: dict[str, float]
     after: dict[str, float]
+    camera: str = ""
 
 
 def find_gains(views: Sequence[ClipViews]) -> GainCalibration:
@@ -146,16 +157,16 @@ def find_gains(views: Sequence[ClipViews]) -> GainCalibration:
     }
     strength = _gentlest({s: _change(before, m) for s, m in tried.items()})
     after = tried[strength]
-    means = [{name: float(values.mean()) for name, values in m.items()} for m in (before, after)]
+    was, now = ({n: float(values.mean()) for n, values in m.items()} for m in (before, after))
     if not _helps(before, after):
         raise InputError(
             "clips that make the model better in places they were not filmed in",
-            f"in {len(names)} places left out in turn at best {words(*means)}",
+            f"in {len(names)} places left out in turn at best {words(was, now)}",
             "nothing was written: the model suits this phone already, or film in more places",
         )
     found = shrunk(_best(table.mean(0))[None], *strength)[0]
     red, green, blue = (float(value) for value in found)
-    return GainCalibration((red, green, blue), len(names), *means)
+    return GainCalibration((red, green, blue), len(names), was, now)
 
 
 def _gentlest(changes: dict[tuple[float, float], np.ndarray]) -> tuple[float, float]:

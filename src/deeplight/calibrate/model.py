@@ -11,6 +11,7 @@ from onnx import ModelProto, NodeProto, numpy_helper
 
 from deeplight.contract import CONTRACT_KEY, LAMP_NUMBERS, ModelContract
 from deeplight.errors import ModelError
+from deeplight.estimators.calibration import CALIBRATION_KEY, Calibration
 from deeplight.io.atomic import replacing
 
 MAP, LAMPS = "decoder.up3.weight", "lamps.head.weight"
@@ -18,7 +19,9 @@ MAP, LAMPS = "decoder.up3.weight", "lamps.head.weight"
 FLUX = slice(3, 6)  # of a lamp's numbers: ln of its flux
 
 
-def write_with_gains(model: Path, out: Path, log_gains: Sequence[float], note: str) -> None:
+def write_with_gains(
+    model: Path, out: Path, log_gains: Sequence[float], note: str, camera: str = ""
+) -> None:
     """Write `model` with all its light times a factor per channel: ln of it joins the biases.
 
     Args:
@@ -26,6 +29,7 @@ def write_with_gains(model: Path, out: Path, log_gains: Sequence[float], note: s
         out: file to write.
         log_gains: ln of the factors of red, green and blue.
         note: is added to what the contract says of the training.
+        camera: that the gains are for; `model`'s own gains, if it has some, become part of them.
 
     Raises:
         ModelError: it cannot be read, or is no network of deeplight.
@@ -48,9 +52,19 @@ def write_with_gains(model: Path, out: Path, log_gains: Sequence[float], note: s
     contract = ModelContract.from_json(entry.value)
     trained_on = "; ".join(part for part in (contract.trained_on, note) if part)
     entry.value = replace(contract, trained_on=trained_on).to_json()
+    _note_gains(graph, log_gains, camera)
     onnx.checker.check_model(graph)
     with replacing(out) as temporary:
         onnx.save(graph, str(temporary))
+
+
+def _note_gains(graph: ModelProto, log_gains: Sequence[float], camera: str) -> None:
+    """Say for which camera the light has which gains, all that were ever put in."""
+    entry = next((e for e in graph.metadata_props if e.key == CALIBRATION_KEY), None)
+    before = (0.0, 0.0, 0.0) if entry is None else Calibration.from_json(entry.value).log_gains
+    red, green, blue = (float(a + b) for a, b in zip(before, log_gains, strict=True))
+    entry = graph.metadata_props.add(key=CALIBRATION_KEY) if entry is None else entry
+    entry.value = Calibration((red, green, blue), camera).to_json()
 
 
 def _is_last(node: NodeProto) -> bool:

@@ -183,11 +183,13 @@ def background_framing(camera: PinholeCamera) -> Framing:
 
 def _meta(record: ClipRecord, still: VideoFrame, rig: Rig) -> ExampleMeta:
     clip, log = record.clip, record.log
-    details = {
+    details: dict[str, float | str] = {
         "time_s": round(still.time_s, 6),
         "mean": round(log.at("mean", still.number), 5),
         "sharpness": round(log.at("sharpness", still.number), 6),
     }
+    if record.video is not None and record.video.camera:
+        details["camera"] = record.video.camera
     return ExampleMeta(
         place=clip.place,
         take=rig.name,

@@ -30,6 +30,9 @@ class Args:
     """The exported model to start from; left out, the shipped one."""
     captured: Path | None = None
     """Where the videos' examples and reports go; left out, next to --out. A second run goes on."""
+    camera: str | None = None
+    """Make and model of the phone, as EXIF of its photos has them, or one of its photos: photos of
+    other cameras keep the light they had. Default: what the clips say. any: all get the new one."""
     fov: float | None = None
     """As for `deeplight capture`: vertical field of view of the upright full frame, in degrees."""
 
@@ -58,12 +61,31 @@ def run(args: Args) -> None:
         data.append(_captured(args, videos))
     else:
         refuse_unused(args, "with data sets, which are captured already", "captured", "fov")
+    camera = _camera_named(args.camera)
     with progress_bar("looking at examples", None) as advance:
-        found = calibrate_model(data, args.out, args.weights, advance)
+        found = calibrate_model(data, args.out, args.weights, advance, camera)
     red, green, blue = (math.exp(value) for value in found.log_gains)
     console = results_console()
     console.print(f"{found.places} places, left out in turn: {words(found.before, found.after)}")
     console.print(escape(f"{args.out}: light times {red:.2f} {green:.2f} {blue:.2f} (R G B)"))
+    of_all = "of all cameras: the clips do not say which filmed them, --camera does"
+    console.print(escape(f"for photos {f'of {found.camera}' if found.camera else of_all}"))
+
+
+def _camera_named(text: str | None) -> str | None:
+    """The camera that --camera means: of a photo's file its own; empty for "any"."""
+    from deeplight.errors import ConfigError
+    from deeplight.io.exif import MAKE, MODEL, camera_name, exif_directories
+
+    if text is None or text.casefold() == "any":
+        return None if text is None else ""
+    if not Path(text).is_file():
+        return camera_name("", text)
+    named = exif_directories(Path(text)).main
+    camera = camera_name(named.get(MAKE), named.get(MODEL))
+    if not camera:
+        raise ConfigError("a photo that names its camera as --camera", text, "give make and model")
+    return camera
 
 
 def _captured(args: Args, videos: list[Path]) -> Path:

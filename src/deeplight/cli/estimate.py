@@ -42,6 +42,9 @@ class Args:
     model: str | None = None
     """A .onnx or .tflite file, package.module:Class or the name of an entry point (docs/extend.md);
     left out, the model that comes with deeplight."""
+    calibrated: Literal["matching", "always", "never"] = "matching"
+    """With a model of `deeplight calibrate`: whose photos get its light; matching are those of its
+    camera and those that name none."""
     made_for: Annotated[
         Literal["blender", "three", "mitsuba", "unity", "unreal", "usd", "webxr"] | None,
         tyro.conf.arg(name="for"),
@@ -96,6 +99,10 @@ def run(args: Args) -> None:
         fill=args.fill,
     )
     estimator = open_model(args.model)
+    if args.calibrated != "matching" and estimator.calibration is None:
+        got = f"--calibrated {args.calibrated} without one"
+        raise ConfigError("a model of `deeplight calibrate`", got, "leave it out or give --model")
+    estimator.calibrated = args.calibrated
     done: list[SourceDone] = []
     single = len(args.photos) == 1 and not args.photos[0].is_dir()
     try:

@@ -16,6 +16,7 @@ from jaxtyping import Float32
 
 from deeplight.contract import LAMP_NUMBERS, ModelContract
 from deeplight.errors import ModelError, ShapeError
+from deeplight.estimators.calibration import Calibration, Use
 from deeplight.estimators.upright import turn_notes
 from deeplight.frames import normalised
 from deeplight.io.photo_like import PhotoLike, as_photo
@@ -65,10 +66,15 @@ class NetworkEstimator(ABC):
     Attributes:
         path: the model's file.
         contract: what it says of itself.
+        calibration: what `deeplight calibrate` put into it, if it did.
+        calibrated: which light has that. Prepared pictures state no camera: theirs has it, unless
+            this is "never".
     """
 
     path: Path
     contract: ModelContract
+    calibration: Calibration | None = None
+    calibrated: Use = "matching"
 
     @property
     def name(self) -> str:
@@ -123,24 +129,33 @@ class NetworkEstimator(ABC):
             [network_input(p.pixels, f) for p, f in zip(opened, framings, strict=True)]
         )
         prepared = time.perf_counter()
-        log_radiance, lamps, heads = self.estimate_fully(inputs)
+        answers = zip(*self.estimate_fully(inputs), strict=True)
         done = time.perf_counter()
         whole = {"read": read - started, "prepare": prepared - read, "network": done - prepared}
         seconds = {name: value / len(opened) for name, value in whole.items()}
         return [
-            Estimate(
-                Lighting.from_log_radiance(q),
-                photo,
-                f,
-                photo.notes + _notes(f) + turn_notes(said),
-                seconds,
-                own,
-                said,
-            )
-            for q, photo, f, own, said in zip(
-                log_radiance, opened, framings, lamps, heads, strict=True
-            )
+            self._estimate_of(photo, f, seconds, *answer)
+            for photo, f, answer in zip(opened, framings, answers, strict=True)
         ]
+
+    def _estimate_of(
+        self,
+        photo: Photo,
+        framing: Framing,
+        seconds: Mapping[str, float],
+        log_radiance: np.ndarray,
+        lamps: tuple[Lamp, ...],
+        heads: Mapping[str, float],
+    ) -> Estimate:
+        """One photo's estimate from the network's answer, for the camera that took it."""
+        notes = photo.notes + _notes(framing) + turn_notes(heads)
+        own, use = self.calibration, self.calibrated
+        if own is not None:
+            notes += own.note(photo.camera, use)
+            if use != "never" and not own.suits(photo.camera, use):
+                log_radiance, lamps = own.without(log_radiance, lamps)
+        light = Lighting.from_log_radiance(log_radiance)
+        return Estimate(light, photo, framing, notes, seconds, lamps, heads)
 
     def frame(self, photo: Photo, fov_deg: float | None = None) -> Framing:
         """Find the trained view in a photo: a given field of view wins over the EXIF data's."""
@@ -158,7 +173,10 @@ class NetworkEstimator(ABC):
             ModelError: the network cannot be run, or gives NaN or more radiance than a float holds.
         """
         output: np.ndarray = self._answer(self.run, inputs)
-        return self._light(output, len(inputs))
+        log_radiance = self._light(output, len(inputs))
+        if self.calibration is None or self.calibrated != "never":
+            return log_radiance
+        return self.calibration.without(log_radiance, ())[0]
 
     def estimate_with_lamps(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
@@ -188,7 +206,11 @@ class NetworkEstimator(ABC):
             raise ModelError("a trained model", got, "use another model file")
         said = [dict(zip(self.contract.heads, row.tolist(), strict=True)) for row in heads]
         try:
-            return log_radiance, [lamps_of(numbers) for numbers in lamps], said
+            found = [lamps_of(numbers) for numbers in lamps]
+            if self.calibration is not None and self.calibrated == "never":
+                found = [self.calibration.without(log_radiance, own)[1] for own in found]
+                log_radiance = self.calibration.without(log_radiance, ())[0]
+            return log_radiance, found, said
         except (ShapeError, ValueError) as error:
             got = f"{self.path} that gives impossible lamps"
             raise ModelError("a trained model", got, "use another model file") from error

@@ -9,6 +9,7 @@ from jaxtyping import Float32
 
 from deeplight.contract import CONTRACT_KEY, LAMP_NUMBERS, ModelContract
 from deeplight.errors import ModelError
+from deeplight.estimators.calibration import CALIBRATION_KEY, Calibration
 from deeplight.estimators.network import (
     MAX_THREADS,
     NetworkEstimator,
@@ -51,6 +52,8 @@ class OnnxEstimator(NetworkEstimator):
             try_once(self.path)
         self._session = _open(self.path, threads or min(MAX_THREADS, cores()))
         self.contract = _contract(self._session, self.path)
+        stored = self._session.get_modelmeta().custom_metadata_map.get(CALIBRATION_KEY)
+        self.calibration = None if stored is None else Calibration.from_json(stored)
 
     def run(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]

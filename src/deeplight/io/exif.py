@@ -21,6 +21,9 @@ PLAUSIBLE_FOV_RAD = (math.radians(3), math.radians(150))
 CAMERA, GPS, INTEROPERABILITY = 0x8769, 0x8825, 0xA005
 """Pillow's numbers of EXIF's directories."""
 
+MAKE, MODEL = 0x010F, 0x0110
+MAX_NAME = 100  # letters of a make or model that are looked at
+
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit
 
 
@@ -36,6 +39,7 @@ class Exif:
         focal_plane_unit: 2 inch, 3 cm, 4 mm, 5 um.
         original_width: PixelXDimension, the stored width when the resolution was written.
         is_adobe_rgb: the camera was set to Adobe RGB (DCF's optional colour space, "R03").
+        camera: make and model, see `camera_name`.
     """
 
     orientation: int = 1
@@ -45,6 +49,7 @@ class Exif:
     focal_plane_unit: int = 2
     original_width: int = 0
     is_adobe_rgb: bool = False
+    camera: str = ""
 
     def focal_length_px(self, stored_width: int, stored_height: int) -> float | None:
         """Give the focal length in pixels of the stored picture, None where EXIF does not say.
@@ -74,6 +79,18 @@ class Exif:
         upright_height = stored_width if self.is_on_its_side else stored_height
         fov = 2 * math.atan(upright_height / 2 / focal)
         return fov if PLAUSIBLE_FOV_RAD[0] <= fov <= PLAUSIBLE_FOV_RAD[1] else None
+
+
+def camera_name(make: Any, model: Any) -> str:
+    """One name of a camera, "Apple iPhone 12", from two entries that may be anything.
+
+    Some makers repeat their name in the model; it is given once.
+    """
+    first, second = (
+        " ".join(str(value or "").replace("\0", " ").split())[:MAX_NAME] for value in (make, model)
+    )
+    repeated = second.casefold().startswith(first.casefold())
+    return second if repeated else f"{first} {second}".strip()
 
 
 def number(value: Any) -> float | None:
@@ -171,6 +188,7 @@ def exif_of_pillow(load: Callable[[], Image.Exif]) -> Exif:
         focal_plane_unit=int(number(camera.get(0xA210)) or 2),
         original_width=int(number(camera.get(0xA002)) or 0),
         is_adobe_rgb=interoperability.startswith("R03"),
+        camera=camera_name(tags.get(MAKE), tags.get(MODEL)),
     )
 
 

@@ -18,7 +18,7 @@ from deeplight.camera_response import encode
 from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io.colour import eight_bit, over_grey, pixel_table
 from deeplight.io.colour_profile import LookUpProfile, cie_lab
-from deeplight.io.exif import Exif, exif_of_bytes, exif_of_pillow
+from deeplight.io.exif import Exif, camera_name, exif_of_bytes, exif_of_pillow
 from deeplight.io.heif_boxes import HeifHeader, read_header
 from deeplight.io.image_file import check_size, damaged, first_bytes, not_an_image, opened
 from deeplight.io.photo_colours import (
@@ -323,6 +323,7 @@ def _exif(spec: oiio.ImageSpec) -> Exif:
         focal_plane_x_resolution=spec.get_float_attribute("Exif:FocalPlaneXResolution"),
         focal_plane_unit=spec.get_int_attribute("Exif:FocalPlaneResolutionUnit", 2),
         original_width=spec.get_int_attribute("Exif:PixelXDimension"),
+        camera=camera_name(spec.get_string_attribute("Make"), spec.get_string_attribute("Model")),
     )
 
 

@@ -39,6 +39,7 @@ class Photo:
         vertical_fov_rad: of the upright photo, from EXIF; None where EXIF does not say.
         notes: what reading had to decide, one short line each, to be shown to the user.
         reduced_from: height and width of the upright photo in its file, where `pixels` are fewer.
+        camera: make and model as EXIF has them (`exif.camera_name`), empty where it does not say.
     """
 
     pixels: UInt8[np.ndarray, "height width 3"]
@@ -46,6 +47,7 @@ class Photo:
     vertical_fov_rad: float | None = None
     notes: tuple[str, ...] = ()
     reduced_from: tuple[int, int] | None = None
+    camera: str = ""
 
     @property
     def full_size(self) -> tuple[int, int]:
@@ -118,6 +120,7 @@ def _upright(
         vertical_fov_rad=stored.exif.vertical_fov_rad(*(whole or (width, height))),
         notes=stored.notes,
         reduced_from=reduced_from,
+        camera=stored.exif.camera,
     )
 
 

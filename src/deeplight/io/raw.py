@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import UInt16
 
 from deeplight.errors import MissingExtraError
-from deeplight.io.exif import Exif, number
+from deeplight.io.exif import MAKE, MODEL, Exif, camera_name, exif_directories, number
 from deeplight.io.image_file import check_size, damaged
 from deeplight.io.quiet import overheard
 
@@ -93,10 +93,12 @@ def develop(path: Path, max_pixels: int) -> RawPhoto:
         )
     if complaints:  # LibRaw prints that a file is cut off, and fills up with black
         raise damaged(path, complaints[0].removeprefix(f"{path}: "))
+    named = exif_directories(path).main  # none of a raw file that is no TIFF
     exif = Exif(
         orientation=_EXIF_OF_FLIP[flip & 7],
         focal_length_35mm_mm=number(tags.get(_FOCAL_35MM)) or 0.0,
         focal_length_mm=number(tags.get(_FOCAL)) or focal_length,
+        camera=camera_name(named.get(MAKE), named.get(MODEL)),
     )
     return RawPhoto(_brightened(linear, number(tags.get(_BASELINE_EXPOSURE)) or 0.0), exif)
 

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,6 +14,7 @@ from jaxtyping import UInt8
 
 from deeplight.errors import ImageFileError, MissingExtraError
 from deeplight.io.boundary import reading
+from deeplight.io.exif import camera_name
 from deeplight.io.image_file import check_size, damaged, first_bytes
 from deeplight.io.photo_decoders import MIN_SIDE
 from deeplight.io.photos import Photo
@@ -39,6 +40,13 @@ _OF_PICTURES = frozenset("bmp gif jpeg2000 jpegls mjpeg png tiff webp".split())
 
 _WITH_ALPHA = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 """FFmpeg's decoders that give a WebM's alpha, of those it takes by itself."""
+
+_CAMERAS = (
+    ("com.apple.quicktime.make", "com.apple.quicktime.model"),
+    ("com.android.manufacturer", "com.android.model"),
+    ("make", "model"),
+)
+"""Entries with a camera's make and model: iPhone's, Android's, others'."""
 
 _DEFAULT, _PICTURES = 1, 1024 | 2048  # FFmpeg's AV_DISPOSITION: default; cover, thumbnails
 _TIMED_PACKETS = 900  # how far `facts` looks for an uneven frame rate
@@ -116,6 +124,7 @@ class VideoFacts:
         rotation_deg: anticlockwise turn that brings stored frames upright.
         mirrored: stored frames are mirror images, to be mirrored before that turn.
         variable_rate: frames are unevenly spaced; None if times are missing.
+        camera: make and model, where its metadata name them; else empty.
     """
 
     width: int
@@ -128,6 +137,7 @@ class VideoFacts:
     rotation_deg: int
     mirrored: bool
     variable_rate: bool | None
+    camera: str = ""
 
 
 class Film(NamedTuple):
@@ -241,6 +251,7 @@ def facts(path: Path | str) -> VideoFacts:
         rate, ticks = stream.average_rate, stream.duration
         length = ticks * stream.time_base if ticks and stream.time_base else None
         claimed, codec = stream.frames or None, stream.codec_context.name
+        camera = _camera(film.container.metadata)
     with opened(path) as film:  # again: the first frame has consumed packets
         uneven = _uneven(film)
     height, width = look.upright(np.empty((frame.height, frame.width), np.uint8)).shape
@@ -255,7 +266,16 @@ def facts(path: Path | str) -> VideoFacts:
         rotation_deg=look.rotation_deg,
         mirrored=look.mirrored,
         variable_rate=uneven,
+        camera=camera,
     )
+
+
+def _camera(metadata: Mapping[str, str]) -> str:
+    """The camera that a film's own metadata name."""
+    for make, model in _CAMERAS:
+        if metadata.get(model):
+            return camera_name(metadata.get(make), metadata[model])
+    return ""
 
 
 @contextmanager
