@@ -14,6 +14,7 @@ from deeplight.io.exif import (
     GPS,
     Exif,
     ExifDirectories,
+    camera_name,
     exif_directories,
     number,
     upright,
@@ -30,6 +31,23 @@ def test_upright_agrees_with_pillow(orientation: int) -> None:
     turned = upright(stored, orientation)
     np.testing.assert_array_equal(turned, expected)
     assert np.shares_memory(turned, stored)  # turning is free
+
+
+@pytest.mark.parametrize(
+    ("make", "model", "name"),
+    [
+        ("Apple", "iPhone 12", "Apple iPhone 12"),
+        ("Canon", "Canon EOS R5", "Canon EOS R5"),  # once
+        ("samsung\0", "  SM-G991B ", "samsung SM-G991B"),
+        ("Google", None, "Google"),
+        (None, "Pixel 8", "Pixel 8"),
+        (None, None, ""),
+        (b"\xff", 7, "b'\\xff' 7"),
+    ],
+)
+def test_a_camera_has_one_name(make: object, model: object, name: str) -> None:
+    assert camera_name(make, model) == name
+    assert len(camera_name("a" * 5000, "b" * 5000)) < 300
 
 
 def test_an_unknown_orientation_changes_nothing() -> None:

@@ -56,6 +56,27 @@ def film(path: Path, picture: np.ndarray, **said: object) -> Path:
     return path
 
 
+@pytest.mark.parametrize(
+    ("said", "camera"),
+    [
+        ({"com.apple.quicktime.make": "Apple", "com.apple.quicktime.model": "iPhone 12"},
+         "Apple iPhone 12"),
+        ({"com.android.manufacturer": "Google", "com.android.model": "Pixel 8"}, "Google Pixel 8"),
+        ({"com.apple.quicktime.make": "Apple"}, ""),
+        ({}, ""),
+    ],
+)  # fmt: skip
+def test_a_film_names_its_camera(tmp_path: Path, said: dict[str, str], camera: str) -> None:
+    path = tmp_path / "film.mov"
+    with av.open(str(path), "w", options={"movflags": "use_metadata_tags"}) as container:
+        container.metadata.update(said)
+        stream = container.add_stream("libx264", rate=30)
+        stream.height, stream.width, stream.pix_fmt = HEIGHT, WIDTH, "yuv420p"
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(scene(), format="rgb24")))
+        container.mux(stream.encode())
+    assert facts(path).camera == camera
+
+
 def displayed(path: Path, matrix: tuple[int, int, int, int]) -> Path:
     """Write a display matrix into the track header, as phones do."""
     content = bytearray(path.read_bytes())

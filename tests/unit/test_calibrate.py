@@ -1,7 +1,10 @@
 """`deeplight calibrate`: the gains of another phone are found, put into the model, or refused."""
 
+from functools import partial
+
 import numpy as np
 import pytest
+from PIL import Image
 
 pytest.importorskip("onnx")
 
@@ -11,9 +14,11 @@ from deeplight.camera_response import encode
 from deeplight.cli.main import main
 from deeplight.contract import ModelContract
 from deeplight.dataset import Example, ExampleMeta, ShardJob, open_dataset
-from deeplight.errors import InputError
+from deeplight.errors import InputError, ModelError
+from deeplight.estimators.calibration import Calibration
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.evaluate.scores import rendered_radiance
+from deeplight.io.exif import MAKE, MODEL
 from deeplight.preprocess import normalise
 from deeplight.reflectance import rig_bases
 from deeplight.sphere import PAPER_RIG
@@ -130,7 +135,91 @@ def test_the_model_gives_the_same_light_times_the_gains(root, tmp_path):
         np.testing.assert_allclose(read, moved, atol=1e-3)
 
 
-def tinted(job: ShardJob):
+def taken_with(make, model, folder):
+    """A photo's file that names its camera."""
+    picture, path = Image.fromarray(photos(1, 7)[0]), folder / "photo.jpg"
+    exif = picture.getexif()
+    exif[MAKE], exif[MODEL] = make, model
+    picture.save(path, exif=exif)
+    return path
+
+
+CAMERAS = [
+    ("Acme", "One", True),
+    ("ACME", "Acme  one", True),
+    ("Acme", "Two", False),
+    ("Other", "One", False),
+    ("", "", True),
+]
+
+
+@pytest.fixture(scope="module")
+def both_models(root, tmp_path_factory):
+    """A model with lamps as it was, and calibrated for one camera."""
+    shipped = root / "src" / "deeplight" / "weights" / "deeplight.onnx"
+    out = tmp_path_factory.mktemp("both") / "mine.onnx"
+    write_with_gains(shipped, out, tuple(TRUE_GAINS), "mine", "Acme One")
+    return OnnxEstimator(shipped), OnnxEstimator(out, trusted=True)
+
+
+@pytest.mark.parametrize(("make", "model", "counts"), CAMERAS)
+def test_gains_count_for_photos_of_their_camera(both_models, tmp_path, make, model, counts):
+    """Others have the light and lamps from before; who names no camera has the gains."""
+    photo = taken_with(make, model, tmp_path)
+    before, after = (estimator.explain(photo, 66) for estimator in both_models)
+    wanted = TRUE_GAINS if counts else np.zeros(3)
+    expected = before.lighting.radiance * np.exp(wanted)
+    np.testing.assert_allclose(after.lighting.radiance, expected, rtol=1e-4)
+    for own, theirs in zip(before.lamps, after.lamps, strict=True):
+        np.testing.assert_allclose(theirs.flux, own.flux * np.exp(wanted), rtol=1e-3)
+    notes = [note for note in after.notes if "calibrated for Acme One" in note]
+    assert bool(notes) != bool(make and counts)
+
+
+@pytest.mark.parametrize(("use", "counts"), [("always", True), ("never", False)])
+def test_who_says_when_gains_count_is_obeyed(both_models, tmp_path, monkeypatch, use, counts):
+    before, after = both_models
+    monkeypatch.setattr(after, "calibrated", use)
+    wanted = TRUE_GAINS if counts else np.zeros(3)
+    for camera in (("Acme", "One"), ("Acme", "Two")):
+        photo = taken_with(*camera, tmp_path)
+        was, now = (estimator.explain(photo, 66).lighting.radiance for estimator in both_models)
+        np.testing.assert_allclose(now, was * np.exp(wanted), rtol=1e-4)
+    inputs = normalise(photos(1))
+    shift = after.estimate_inputs(inputs) - before.estimate_inputs(inputs)
+    np.testing.assert_allclose(shift, np.broadcast_to(wanted, shift.shape), atol=1e-4)
+
+
+def test_gains_on_gains_are_left_out_together(root, tmp_path):
+    first, second = tmp_path / "first.onnx", tmp_path / "second.onnx"
+    tiny = root / "tests" / "golden" / "tiny.onnx"
+    write_with_gains(tiny, first, tuple(TRUE_GAINS), "", "Acme One")
+    write_with_gains(first, second, (0.1, 0.2, 0.3), "", "Acme Two")
+    photo = taken_with("Acme", "One", tmp_path)
+    was, now = (OnnxEstimator(m, trusted=True).explain(photo, 66).lighting for m in (tiny, second))
+    np.testing.assert_allclose(now.radiance, was.radiance, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "{}", '{"log_gains": [1, 2], "camera": "a"}', '{"log_gains": 1, "camera": ""}',
+     '{"log_gains": [1, 2, NaN], "camera": ""}', '{"log_gains": [1, 2, 99], "camera": ""}',
+     '{"log_gains": [1, 2, 3], "camera": 4}'],
+)  # fmt: skip
+def test_a_broken_calibration_is_refused(text):
+    with pytest.raises(ModelError):
+        Calibration.from_json(text)
+
+
+def test_the_flag_needs_a_calibrated_model(tmp_path, capfd):
+    photo = taken_with("Acme", "One", tmp_path)
+    words = ["estimate", str(photo), "--calibrated", "never", "--out", str(tmp_path / "out")]
+    assert main(words) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "--calibrated never" in line
+
+
+def tinted(job: ShardJob, camera=lambda number: ""):
     """The spheres are brighter and redder than the tiny network says, in every place."""
     for number in range(job.first, job.first + job.count):
         photo = photos(1, number)[0]
@@ -148,6 +237,7 @@ def tinted(job: ShardJob):
             "mine",
             "CC0",
             "-",
+            {"camera": camera(number)},
         )
         yield Example(f"{job.split}-{number}", photo, spheres, meta)
 
@@ -168,6 +258,26 @@ def test_the_command_writes_a_better_model(root, clips, tmp_path, capfd):
         light = np.exp(OnnxEstimator(model).estimate_inputs(np.stack([normalise(photos(1))[0]])))
         redder.append(np.log(light[..., 0].mean() / light[..., 2].mean()))
     assert abs(redder[1] - wanted) < 0.5 * abs(redder[0] - wanted)
+
+
+def test_the_clips_say_which_camera_they_are_of(root, tmp_path, capfd):
+    """Or the command does, by name or by a photo; clips of two are refused."""
+    tiny, out = root / "tests" / "golden" / "tiny.onnx", tmp_path / "mine.onnx"
+    examples = partial(tinted, camera=lambda number: "Acme One" if number else "")
+    clips = write_toy_data(tmp_path / "one", {"train": 4}, examples)
+    start = ["calibrate", str(clips), "--weights", str(tiny), "--out", str(out)]
+    photo = taken_with("Acme", "Two", tmp_path)
+    named = (((), "Acme One"), (("--camera", "any"), ""), (("--camera", str(photo)), "Acme Two"))
+    for words, camera in named:
+        assert main([*start, *words]) == 0
+        calibration = OnnxEstimator(out, trusted=True).calibration
+        assert calibration is not None
+        assert calibration.camera == camera
+    examples = partial(tinted, camera=lambda number: f"Acme {number % 2}")
+    other = write_toy_data(tmp_path / "two", {"train": 4}, examples)
+    capfd.readouterr()
+    assert main(["calibrate", str(other), "--weights", str(tiny), "--out", str(out)]) == 2
+    assert "Acme 0 and Acme 1" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
