@@ -4,8 +4,8 @@
 
 Films each phone's clips in the validation places and its test in the test places, calibrates with
 the clips, and prints the table of docs/calibrate.md: each metric after over before, on the phone's
-other places, on the old phone's where photos say that it is another, and where they do not. `kept` is the camera of recipe v2 that nothing learnt from; a
-number draws another phone of its family.
+other places, on the old phone's where photos say that it is another, and where they do not. `kept`
+is the camera of recipe v2 that nothing learnt from; a number draws another phone of its family.
 """
 
 from collections.abc import Iterator, Sequence
@@ -58,9 +58,8 @@ def main(args: Args) -> None:
     for part in SPLITS:
         film(args, part)
     before = measured(args.weights, args.old)
-    print(
-        "| phone | gains, R G B | other places: mirror, silver, diffuse, hue | old phone | unnamed |"
-    )
+    measures = "mirror, silver, diffuse, hue"
+    print(f"| phone | gains, R G B | other places: {measures} | the old phone | unnamed |")
     print("|---|---|---|---|---|")
     for phone in args.phones:
         mine, test = args.out / f"{phone}.onnx", args.out / f"test-{phone}"
