@@ -48,7 +48,7 @@ class Args:
     data: Annotated[tuple[Path, Path], tyro.conf.Positional]
     """Data sets of recipes v1 and v2."""
     every: int = 3
-    """Of the training examples every so many are used."""
+    """Of the training examples one in this number is used."""
 
 
 FITS: Mapping[str, Callable[[Views], np.ndarray]] = {
