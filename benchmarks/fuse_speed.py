@@ -1,14 +1,17 @@
 """How long fusing takes on one core: python benchmarks/fuse_speed.py PANORAMAS
 
 Prints processor time: of `Session.add` on 720p frames without the network, of an environment, and
-of `deeplight fuse` next to decoding the same clip: 30 s of 1080 x 1920, one turn by hand. With a
-second argument the clip is kept there, or taken from there; a third films its first frames only.
+of `deeplight fuse` next to decoding the same clip: 30 s of 1080 x 1920, one turn by hand; and what
+memory the command needs at most for the first third, all of it, and three times that. With a second
+argument the clip is kept there, or taken from there; a third films its first frames only.
 """
 
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import math
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -16,6 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+import av
 import cv2
 import numpy as np
 
@@ -37,6 +41,10 @@ QUALITY = 18  # about the bit rate of a phone
 MAP_STEP = 8  # where a pixel looks is worked out for every eighth, and interpolated
 HEIGHTS = (64, 256, 512)
 Result = TypeVar("Result")
+_PEAK = (
+    "import resource, sys; from deeplight.cli.main import main; main(sys.argv[1:]);"
+    "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+)
 
 
 def main(panoramas: str, clip: str | None = None, frames: str = str(FRAMES)) -> None:
@@ -50,6 +58,8 @@ def main(panoramas: str, clip: str | None = None, frames: str = str(FRAMES)) -> 
         if not path.exists():
             film_clip(panorama, path, int(frames))
         clip_times(path)
+        for part in (1 / 3, 1, 3):
+            clip_memory(path, Path(folder), part)
 
 
 def film_clip(panorama: np.ndarray, path: Path, frames: int) -> None:
@@ -109,6 +119,27 @@ def clip_times(path: Path) -> None:
     ratio = (time.process_time() - begin) / decoding
     print(f"{count} frames, {size:.0f} MB, {len(frames)} chosen, {len(fused.placed)} placed")
     print(f"fusing takes {ratio:.2f} times as long as decoding")
+
+
+def clip_memory(path: Path, folder: Path, part: float) -> None:
+    """Peak memory of `deeplight fuse` on a part of a clip, or on it several times over."""
+    cut = folder / "cut.mp4"
+    with av.open(str(cut), "w") as out:
+        stream, begin = None, 0
+        for _ in range(math.ceil(part)):
+            with av.open(str(path)) as film:
+                of_clip = film.streams.video[0]
+                stream = stream or out.add_stream_from_template(of_clip)
+                ticks = int((of_clip.duration or 0) * min(part, 1))
+                for packet in film.demux(of_clip):
+                    if packet.pts is not None and packet.dts is not None and packet.pts < ticks:
+                        packet.pts, packet.dts = packet.pts + begin, packet.dts + begin
+                        packet.stream = stream
+                        out.mux(packet)
+            begin += ticks
+    words = [sys.executable, "-c", _PEAK, "fuse", str(cut), "--out", str(folder / "out")]
+    peak = subprocess.run(words, check=True, capture_output=True, text=True).stdout.split()[-1]
+    print(f"{part * FRAMES / RATE_HZ:.0f} s: at most {int(peak) / 1024:.0f} MB of memory")
 
 
 def timed(name: str, work: Callable[[], Result]) -> Result:

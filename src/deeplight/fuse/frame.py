@@ -6,12 +6,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
-from deeplight.frames import Rotation
+from deeplight.frames import UP, Rotation, world_from_camera
 from deeplight.fuse.track import WORKING_SIDE
 from deeplight.io.exif import exif_directories, number
 from deeplight.io.photos import Photo
+from deeplight.io.tilt import tilt_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,7 @@ class SourceFrame:
         log_exposure: ln of exposure from EXIF data; nan if not there.
         world_from_camera: if its file says, as a panorama does.
         notes: what reading had to decide.
+        up: against gravity, in the upright camera; None if its file does not say.
     """
 
     name: str
@@ -37,6 +39,7 @@ class SourceFrame:
     log_exposure: float = math.nan
     world_from_camera: Rotation | None = None
     notes: tuple[str, ...] = ()
+    up: Float[np.ndarray, "3"] | None = None
 
 
 def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> SourceFrame:
@@ -50,7 +53,16 @@ def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> Sourc
         photo.vertical_fov_rad,
         exposure,
         notes=photo.notes,
+        up=up_of(photo.source),
     )
+
+
+def up_of(path: Path | None) -> Float[np.ndarray, "3"] | None:
+    """Against gravity in the upright camera, if EXIF data say how the camera was tilted."""
+    tilt = tilt_of(path)
+    if tilt is None:
+        return None
+    return world_from_camera(0, tilt.pitch_rad, tilt.roll_rad).T @ UP
 
 
 def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:

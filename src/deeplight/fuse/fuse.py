@@ -10,7 +10,7 @@ from jaxtyping import Float
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.estimators.network import NetworkEstimator
-from deeplight.frames import Rotation, rotation
+from deeplight.frames import UP, Rotation, normalised, rotation
 from deeplight.fuse.frame import SourceFrame, frame_of
 from deeplight.fuse.poses import nearest_rotation
 from deeplight.fuse.session import Session
@@ -257,8 +257,11 @@ def _add_front(
 
 def _levelled(frames: Sequence[SourceFrame], turns: dict[int, Rotation], frame: int) -> Rotation:
     """`world_from_frame` whose +Y is up and whose -Z is the frame's view made level."""
+    felt = [turn @ up for k, turn in turns.items() if (up := frames[k].up) is not None]
     if all(f.world_from_camera is not None for f in frames):
-        up = np.array([0.0, 1.0, 0.0])  # of every pose file's world
+        up = UP  # of every pose file's world
+    elif felt:
+        up = normalised(np.sum(felt, axis=0))
     else:
         up = _up_of(np.stack(list(turns.values())))
     view = -turns[frame][:, 2]
@@ -274,7 +277,11 @@ def _up_of(turns: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3"]:
     spread, axes = np.linalg.eigh(np.einsum("nij,nkj->ik", turns[:, :, :1], turns[:, :, :1]))
     if spread[1] < _LEVEL_SPREAD * len(turns):
         got = "frames that all look one way"
-        raise ConfigError("frames from several sides, to know what is level", got, "give --poses")
+        raise ConfigError(
+            "frames from several sides or with EXIF tilt, to know what is level",
+            got,
+            "give --poses",
+        )
     up = axes[:, 0]
     result: np.ndarray = up * np.sign(up @ turns[:, :, 1].mean(0))
     return result

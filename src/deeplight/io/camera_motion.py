@@ -10,7 +10,7 @@ GPMF (GoPro, from HERO8 and MAX on): big-endian keys, lengths and values in nest
 a quaternion w, x, y, z: camera_from_start; IORI what stabilising turned the picture by in the
 camera: picture_from_camera; GRAV the direction in which things fall, in the camera's axes.
 (The specification names no axes. These are the ones with which a MAX's own film and its metadata
-agree within 0.15 degrees from picture to picture, and with which gravity stands still.)
+agree, and with which gravity stands still: see docs/fuse.md.)
 
 A gyroscope alone (CAMM type 2, earlier GoPros) is not integrated: it drifts.
 """
