@@ -26,7 +26,7 @@ from deeplight.estimators.network import WHOLE_VIEW
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.results import write_results
 from deeplight.frames import normalised, turned, world_from_camera
-from deeplight.fuse import blend, gains, merge, session, view
+from deeplight.fuse import blend, gains, merge, session, steady, view
 from deeplight.io import colour, lighting_file
 from deeplight.lamp import Lamp
 from deeplight.lighting import LIGHTING_SIZE, Lighting
@@ -85,7 +85,7 @@ def constants() -> dict[str, Any]:
         "SURENESS_LIMITS": sureness.LIMITS,
         "SCENE_FILE": scene_file_words(),
         "TRANSFER": transfer_file.LAYOUT,
-        "FUSE": numbers_of(view, gains, blend, merge, session),
+        "FUSE": numbers_of(view, gains, blend, merge, steady, session),
         "PHOTO_LIGHT": numbers_of(projection, surroundings, lamps),
     }
 

@@ -12,8 +12,9 @@ from deeplight.camera_response import LUMINANCE
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError, InputError, ShapeError
 from deeplight.frames import rotation, world_from_camera
-from deeplight.fuse.merge import ENOUGH_SEEN, likely_factor, share_of, usual_factor
-from deeplight.fuse.session import CHANGED, PATIENCE, ROOM, Session
+from deeplight.fuse.merge import likely_factor, share_of, usual_factor
+from deeplight.fuse.session import CHANGED, PATIENCE, Session
+from deeplight.fuse.steady import CLEARLY, ENOUGH_SEEN, ROOM, Kept, Steadily
 from deeplight.mappings import latlong, mirror_ball, resample
 from lab.pans import Pan, Sweep, Troubles, film_pan
 
@@ -224,6 +225,22 @@ def test_a_steady_light_moves_less_and_is_never_far_from_what_is_believed() -> N
     assert len(seen) == len(room) == 6
     assert (np.abs(steady - plain) < room + 1e-3).all()
     assert np.abs(steady - plain).max() > 0.1  # the law above would see more room than there is
+
+
+@pytest.mark.parametrize(("brighter", "moves"), [(0.95 * CLEARLY, False), (1.05 * CLEARLY, True)])
+def test_a_lamp_stays_in_the_world_until_another_place_is_clearly_brighter(
+    brighter: float, moves: bool
+) -> None:
+    kept, unit = Kept(), np.zeros(3)
+    turns = [world_from_camera(0.3, 0.2), world_from_camera(-1.1, -0.4)]
+    first, other = np.array([0.0, 0.6, -0.8]), np.array([0.8, 0.6, 0.0])
+    Steadily(kept, unit, turns[0]).place(first, lambda _: 1.0)
+    before = turns[1].T @ turns[0] @ first
+    found = Steadily(kept, unit, turns[1]).place(
+        other, lambda way: brighter if np.allclose(way, other) else 1.0
+    )
+    np.testing.assert_allclose(found, other if moves else before, atol=1e-12)
+    np.testing.assert_allclose(kept.lamp, turns[1] @ found, atol=1e-12)
 
 
 def test_a_steady_light_leaves_what_was_seen_alone() -> None:

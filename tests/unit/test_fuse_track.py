@@ -34,6 +34,18 @@ def test_a_full_turn_closes() -> None:
     assert errors(found, pan()).max() < 0.5
 
 
+def test_pictures_out_of_order_find_each_other() -> None:
+    order = [3, 4, 5, 6, 10, 11, 12, 7, 8, 9]
+    found = track([pan().frames[k].pixels for k in order], FOV, fov_known=True)
+    assert len(found.rotations) == len(order)
+    first = pan().frames[order[0]].rotation
+    off = [
+        angle_between(first.T @ pan().frames[order[k]].rotation, t)
+        for k, t in found.rotations.items()
+    ]
+    assert np.degrees(max(off)) < 0.5
+
+
 def test_the_field_of_view_is_refined() -> None:
     found = track([frame.pixels for frame in pan().frames], float(np.radians(58)), fov_known=False)
     assert abs(np.degrees(found.vertical_fov_rad) - 66) < 1

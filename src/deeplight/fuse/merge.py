@@ -13,7 +13,7 @@ clips in one; a lamp in all) and where the estimates are bright, too, in the est
 docs/fuse.md has the measurements behind each choice.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -23,6 +23,7 @@ from deeplight.camera_response import LUMINANCE
 from deeplight.environment import Environment
 from deeplight.frames import Rotation, turned
 from deeplight.fuse.blend import Seen, blended
+from deeplight.fuse.steady import Steadily
 from deeplight.fuse.view import View
 from deeplight.mappings import latlong, mirror_ball, resample
 
@@ -35,19 +36,15 @@ _CLIPPED_LOG, _CLIPPED_SCALE = 1.4, 0.5  # ln of the factor by which clipped par
 _CLIPPED_HIGH_LOG = 2.3  # the same of what is overhead: lamps and the sun, not windows
 _HIGH_FROM, _HIGH_TO = 0.3, 0.6  # sine of the elevation between which one becomes the other
 _LOG_STEP, _LOG_STEPS = 0.025, 400
-ENOUGH_SEEN = 0.5
-"""Share of the sphere from which on the brightness is believed to be what it is."""
 _NEAR = 1.0  # how much more an estimate counts near where its camera looked: e^(cos - 1)
 _LOBE_KAPPA = 250.0  # of the lobe of lost power: 5 degrees, a lamp and no glow
 _HORIZON = 0.2  # sines of elevations across which power begins to be looked for: no lamp is below
 _FIND_KAPPA = 12.0  # width in which the brightest place is looked for
 _FIND_ROWS = 32
+_STILL_HIDDEN = 0.5  # share of a texel that must be unseen for a lamp to stay there
 
 Panorama = Float32[np.ndarray, "height width 3"]
 Gains = Float[np.ndarray, "views 3"]
-Shade = Callable[[Float[np.ndarray, "3"], Float[np.ndarray, "3"], float], float]
-"""Says by what factor to change the light that is only believed, given the power that is known, the
-power that is believed (both summed over all directions, RGB) and the share seen."""
 
 
 def log_power(view: View) -> Float[np.ndarray, "3"]:
@@ -62,7 +59,7 @@ def environment_of(
     trust: Float[np.ndarray, "views cells"],
     world_from_frame: Rotation,
     height: int,
-    shade: Shade | None = None,
+    steadily: Steadily | None = None,
 ) -> Environment:
     """One light out of all views.
 
@@ -72,7 +69,7 @@ def environment_of(
         trust: of each view in each coarse cell of the world.
         world_from_frame: the frame wanted.
         height: rows of the panorama.
-        shade: what to change of the brightness of what is unseen or clips; left out, nothing.
+        steadily: how to change what is only believed, to be shown while one turns; left out, not.
     """
     directions = latlong.directions(height, 2 * height)
     seen = blended(views, log_gain, trust, turned(directions, world_from_frame))
@@ -85,11 +82,11 @@ def environment_of(
     radiance = known * seen.radiance + (1 - known) * logs
     rises = (directions @ (up_of(views) @ world_from_frame)).astype(np.float32)
     above = np.clip(rises / _HORIZON + 0.5, 0, 1)
-    radiance += _lost_lobe(logs, mean, (1 - seen.share) * above)
+    radiance += _lost_lobe(logs, mean, (1 - seen.share) * above, steadily)
     if seen.clipped.any():
         radiance = _with_lamps(radiance, mean, seen, expected_power(views, log_gain), rises)
-    if shade is not None:
-        radiance = _shaded(radiance, seen, shade)
+    if steadily is not None:
+        radiance = _shaded(radiance, seen, steadily)
     return Environment(radiance, np.clip(seen.share, 0, 1))
 
 
@@ -138,17 +135,22 @@ def share_of(part: Float32[np.ndarray, "h w"]) -> float:
     return float((part * latlong.solid_angles(height, 2 * height)).sum() / (4 * np.pi))
 
 
-def _shaded(radiance: Panorama, seen: Seen, shade: Shade) -> Panorama:
+def _shaded(radiance: Panorama, seen: Seen, steadily: Steadily) -> Panorama:
     """The light with what is unseen or clips brighter or darker; seen pixels stay themselves."""
     height = len(radiance)
     solid_angle = latlong.solid_angles(height, 2 * height)
     known = (seen.share * (seen.clipped == 0))[..., None] * seen.radiance
     powers = [np.einsum("hwc,hw->c", part, solid_angle) for part in (known, radiance - known)]
-    factor = np.float32(shade(powers[0], powers[1], share_of(seen.share)))
+    factor = np.float32(steadily.shade(powers[0], powers[1], share_of(seen.share)))
     return known + factor * (radiance - known)
 
 
-def _lost_lobe(logs: Panorama, mean: Panorama, unseen: Float32[np.ndarray, "h w"]) -> Panorama:
+def _lost_lobe(
+    logs: Panorama,
+    mean: Panorama,
+    unseen: Float32[np.ndarray, "h w"],
+    steadily: Steadily | None,
+) -> Panorama:
     """The power that the logarithms' map lacks where nothing was seen above, as one lobe there."""
     height = len(logs)
     solid_angle = latlong.solid_angles(height, 2 * height).astype(np.float32)
@@ -156,7 +158,7 @@ def _lost_lobe(logs: Panorama, mean: Panorama, unseen: Float32[np.ndarray, "h w"
     lost = np.einsum("hwc,hw->c", np.maximum(mean - logs, 0), weight)
     if not lost @ LUMINANCE > 0:
         return np.zeros_like(logs)
-    towards = _brightest(logs * weight[..., None])
+    towards = _brightest(logs * weight[..., None], unseen, steadily)
     lobe = np.exp(_LOBE_KAPPA * (latlong.directions(height, 2 * height) @ towards - 1)) * unseen
     power = float((lobe * solid_angle).sum())
     if power <= 0:
@@ -165,12 +167,24 @@ def _lost_lobe(logs: Panorama, mean: Panorama, unseen: Float32[np.ndarray, "h w"
     return result
 
 
-def _brightest(power: Panorama) -> Float32[np.ndarray, "3"]:
-    """The direction round which most of the power lies."""
+def _brightest(
+    power: Panorama, unseen: Float32[np.ndarray, "h w"], steadily: Steadily | None
+) -> Float[np.ndarray, "3"]:
+    """The direction round which most of the power lies, or where the lamp was, if not much less."""
     rows = min(_FIND_ROWS, len(power))
     coarse = resample.shrink(power, rows, 2 * rows).reshape(-1, 3) @ LUMINANCE.astype(np.float32)
-    best = int((_nearness(rows) @ coarse).argmax())
-    return latlong.directions(rows, 2 * rows).reshape(-1, 3)[best]
+    directions = latlong.directions(rows, 2 * rows).reshape(-1, 3)
+    brightness = _nearness(rows) @ coarse
+    best = int(brightness.argmax())
+    if steadily is None:
+        return directions[best]
+    hidden = resample.shrink(unseen[..., None], rows, 2 * rows).ravel()
+
+    def of(direction: Float[np.ndarray, "3"]) -> float:
+        texel = int((directions @ direction).argmax())
+        return float(brightness[texel] * (hidden[texel] > _STILL_HIDDEN))
+
+    return steadily.place(directions[best], of).astype(np.float32)
 
 
 @lru_cache(maxsize=2)

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from deeplight.camera_response import LUMINANCE
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError, InputError, ShapeError
 from deeplight.frames import Rotation, require_rotation
 from deeplight.fuse.gains import overlaps, solve_gains, trusted
-from deeplight.fuse.merge import ENOUGH_SEEN, environment_of, log_power
+from deeplight.fuse.merge import environment_of, log_power
+from deeplight.fuse.steady import Kept, Steadily
 from deeplight.fuse.view import CELLS, HEIGHT, ROWS, View
 from deeplight.io.arrays_file import read_arrays
 from deeplight.io.atomic import replacing
@@ -35,9 +35,6 @@ LEAST_OVERLAP_SR = 0.05
 """Views that share less than this are not asked whether they agree."""
 PATIENCE = 3
 """This number of such views in a row, and what was before them is forgotten."""
-ROOM = 0.3
-"""ln by which a steady light's power may miss what is believed while little was seen."""
-_MOST_SHADE = 5.0  # what is only believed is made so much brighter or darker at most
 _VERSION = 1
 
 Estimate = Callable[[UInt8[np.ndarray, "height width 3"]], Float32[np.ndarray, "size size 3"]]
@@ -97,7 +94,7 @@ class Session:
         self._unit = np.zeros(3)  # ln gain of the first kept view
         self._strange = self._count = 0
         self._trust: Float[np.ndarray, "views cells"] | None = None
-        self._shown: float | None = None  # ln of the power last shown steadily
+        self._shown = Kept()
 
     @property
     def views(self) -> tuple[View, ...]:
@@ -158,7 +155,8 @@ class Session:
             height: rows of the panorama.
             steady: for a light shown while one turns. Its power then stays what the last steady
                 one had until that is contradicted by more than its uncertainty, e^0.3 at first
-                and nothing once half of the sphere was seen; what was seen stays itself.
+                and nothing once half of the sphere was seen, and the lamp where nothing was seen
+                stays until another place is 1.5 times as bright; what was seen stays itself.
 
         Raises:
             InputError: nothing has been added yet.
@@ -171,30 +169,12 @@ class Session:
         gains = self.gains - unit
         if self._trust is None:
             self._trust = trusted(self._logs[:n], self._weights[:n], gains)
-        shade = (lambda *found: self._shade(unit, *found)) if steady else None
-        return environment_of(self._views, gains, self._trust, turn, height, shade)
-
-    def _shade(
-        self,
-        unit: Float[np.ndarray, "3"],
-        known: Float[np.ndarray, "3"],
-        believed: Float[np.ndarray, "3"],
-        seen: float,
-    ) -> float:
-        """By what factor to change what is only believed, so that the light stays steady."""
-        sure, rest = (float((part * np.exp(-unit)) @ LUMINANCE) for part in (known, believed))
-        if not rest > 0:
-            return 1.0
-        log = float(np.log(sure + rest))
-        room = ROOM * max(0.0, 1 - seen / ENOUGH_SEEN)
-        wanted = log if self._shown is None else float(np.clip(self._shown, log - room, log + room))
-        factor = float(np.clip((np.exp(wanted) - sure) / rest, 1 / _MOST_SHADE, _MOST_SHADE))
-        self._shown = float(np.log(sure + factor * rest))
-        return factor
+        steadily = Steadily(self._shown, unit, turn) if steady else None
+        return environment_of(self._views, gains, self._trust, turn, height, steadily)
 
     def reset(self) -> None:
         """Forget everything: the place has been left."""
-        self._shown = None
+        self._shown = Kept()
         self._views, self._log_gain, self._unit = [], np.zeros((0, 3)), np.zeros(3)
         self._strange = self._count = 0
 
@@ -211,7 +191,7 @@ class Session:
         if forgotten:
             newest = sorted(range(slot + 1), key=lambda k: self._views[k].number)[-PATIENCE:]
             self._keep(newest)
-            self._strange, self._shown = 0, None
+            self._strange, self._shown = 0, Kept()
         else:
             self._thin(slot)
         return Added(len(self._views), forgotten, disagreement, log_gain)

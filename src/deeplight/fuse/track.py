@@ -32,6 +32,7 @@ _REACH_RAD = radians(55)  # pictures that look nearer each other than this may o
 _DRIFT_RAD = 0.01  # by which that grows with each picture between them
 _SETTLED_RAD = radians(1)  # moved by less, pictures overlap as they did
 _MOST_NEAR = 4  # further pairs of each picture that are tried
+_ROUNDS, _MOST_STRANGERS = 3, 200  # further pairs, of pictures of which one is not placed, a round
 _BRIGHT, _DARKEST = 160, 16  # levels of a picture's bright parts that features are looked for at
 _FOV_NEEDS_RAD = radians(50)  # turned by less, a step to the side looks like another field of view
 
@@ -81,8 +82,9 @@ def track(
     tried = {(k, j) for j in range(count) for k in range(max(0, j - _AHEAD), j)}
     pairs = _all_matched(features, sorted(tried))
     rotations, _, _ = _solved(pairs, count, fov_known, strays=False)
-    for _ in range(2):  # a closed turn may bring further pictures within reach
-        found = _all_matched(features, _near(rotations, tried))
+    for _ in range(_ROUNDS):  # a closed turn may bring further pictures within reach
+        near = _near(rotations, tried)
+        found = _all_matched(features, [*near, *_strangers(rotations, count, tried)])
         if not found:
             break
         pairs += found
@@ -147,6 +149,18 @@ def _near(rotations: dict[int, Rotation], tried: set[tuple[int, int]]) -> list[t
             count[[a, b]] += 1
             tried.add(pair)
             found.append(pair)
+    return found
+
+
+def _strangers(
+    rotations: dict[int, Rotation], count: int, tried: set[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """Some pairs of a placed picture and one that is not: of a second turn, or out of order."""
+    lost = [number for number in range(count) if number not in rotations]
+    pairs = [(min(a, b), max(a, b)) for b in lost for a in rotations]
+    found = [pair for pair in pairs if pair not in tried]
+    found = found[:: max(1, -(-len(found) // _MOST_STRANGERS))]
+    tried.update(found)
     return found
 
 

@@ -8,16 +8,24 @@ import { luminous } from "../light/lamp.ts";
 import { luminance } from "../light/main-light.ts";
 import { IDENTITY, type Matrix3x3, type Vector3 } from "../light/matrix.ts";
 import { nearestLit, uvFromDirection } from "../light/mirror-ball.ts";
-import { enlarged, powerOf, rowSolidAngles, shrunk, texelDirections } from "../light/panorama.ts";
+import {
+  enlarged,
+  powerOf,
+  rowSolidAngles,
+  shrunk,
+  texelDirections,
+  texelOf,
+} from "../light/panorama.ts";
 import { remembered } from "../light/remembered.ts";
 import { blended, type Seen } from "./blend.ts";
 import { rememberedOf } from "./remembered-of.ts";
+import type { Steadily } from "./steady.ts";
 import type { Cells, View } from "./view.ts";
 import { logPower } from "./view.ts";
 
 const { CLIPPED_HIGH_LOG, CLIPPED_LOG, CLIPPED_SCALE, DIM, ESTIMATE_ROWS } = FUSE;
 const { FIND_KAPPA, FIND_ROWS, HIGH_FROM, HIGH_TO, HORIZON } = FUSE;
-const { LEVEL, LOBE_KAPPA, LOG_STEP, LOG_STEPS, NEAR, POWER_SIGMA } = FUSE;
+const { LEVEL, LOBE_KAPPA, LOG_STEP, LOG_STEPS, NEAR, POWER_SIGMA, STILL_HIDDEN } = FUSE;
 
 /** Views in one world with what was made of them. */
 export interface Gathered {
@@ -29,21 +37,15 @@ export interface Gathered {
 }
 
 /**
- * Says by what factor to change the light that is only believed, given the power that is known, the
- * power that is believed (both summed over all directions, RGB) and the share of the sphere seen.
- */
-export type Shade = (known: Vector3, believed: Vector3, seen: number) => number;
-
-/**
  * One light out of all views, in the frame of a camera held like `worldFromFrame`.
  *
- * @param shade what to change of the brightness of what is unseen or clips; left out, nothing.
+ * @param steadily how to change what is only believed, to be shown while one turns; left out, not.
  */
 export function environmentOf(
   from: Gathered,
   worldFromFrame: Matrix3x3,
   height: number,
-  shade: Shade | null = null,
+  steadily: Steadily | null = null,
 ): Environment {
   const { views, cells, logGain, trust } = from;
   const directions = directionsOf(height, worldFromFrame);
@@ -58,11 +60,11 @@ export function environmentOf(
   });
   const rises = rising(directions, upOf(views));
   const hidden = seen.share.map((own, i) => (1 - own) * above(rises[i]!));
-  addLostLobe(radiance, logs!, mean!, hidden, height);
+  addLostLobe(radiance, logs!, mean!, hidden, height, steadily);
   if (seen.clipped.some((channels) => channels > 0)) {
     raiseLamps(radiance, mean!, seen, expectedPower(views, logGain), rises, height);
   }
-  if (shade) shadeBelieved(radiance, seen, height, shade);
+  if (steadily) shadeBelieved(radiance, seen, height, steadily);
   return { radiance, seen: seen.share, height };
 }
 
@@ -148,14 +150,19 @@ function shareOf(part: Float32Array, height: number): number {
 }
 
 /** Makes what is unseen or clips brighter or darker; seen pixels stay themselves. */
-function shadeBelieved(radiance: Float32Array, seen: Seen, height: number, shade: Shade): void {
+function shadeBelieved(
+  radiance: Float32Array,
+  seen: Seen,
+  height: number,
+  steadily: Steadily,
+): void {
   const known = seen.radiance.map((value, i) => {
     const texel = Math.floor(i / 3);
     return seen.clipped[texel] ? 0 : seen.share[texel]! * value;
   });
   const believed = radiance.map((value, i) => value - known[i]!);
   const powers = [known, believed].map((part) => powerOf(part, height)) as [Vector3, Vector3];
-  const factor = shade(...powers, shareOf(seen.share, height));
+  const factor = steadily.shade(...powers, shareOf(seen.share, height));
   for (let i = 0; i < radiance.length; i++) radiance[i] = known[i]! + factor * believed[i]!;
 }
 
@@ -171,6 +178,7 @@ function addLostLobe(
   mean: Float32Array,
   hidden: Float32Array,
   height: number,
+  steadily: Steadily | null,
 ): void {
   const sr = rowSolidAngles(height);
   const lost: [number, number, number] = [0, 0, 0];
@@ -181,7 +189,7 @@ function addLostLobe(
     return value * weight;
   });
   if (!(luminous(lost) > 0)) return;
-  const [x, y, z] = brightest(weighted, height);
+  const [x, y, z] = brightest(weighted, hidden, height, steadily);
   const directions = texelDirections(height);
   let power = 0;
   const lobe = hidden.map((own, i) => {
@@ -196,17 +204,35 @@ function addLostLobe(
   }
 }
 
-/** The direction round which most of the power lies. */
-function brightest(power: Float32Array, height: number): Vector3 {
+/** The direction round which most of the power lies, or where the lamp was, if not much less. */
+function brightest(
+  power: Float32Array,
+  hidden: Float32Array,
+  height: number,
+  steadily: Steadily | null,
+): Vector3 {
   const rows = Math.min(FIND_ROWS, height);
-  const columns = 2 * rows;
   const coarse = shrunk(power, height, rows);
-  const bright = new Float32Array(rows * columns);
-  for (let i = 0; i < bright.length; i++) {
-    bright[i] = luminance(coarse, i);
-  }
+  const around = surroundings(
+    Float32Array.from({ length: 2 * rows * rows }, (_, i) => luminance(coarse, i)),
+    rows,
+  );
+  let best = 0;
+  for (let i = 1; i < around.length; i++) if (around[i]! > around[best]!) best = i;
+  const [x, y, z] = texelDirections(rows).subarray(3 * best, 3 * best + 3);
+  if (!steadily) return [x!, y!, z!];
+  const open = shrunk(hidden, height, rows, 1);
+  return steadily.place([x!, y!, z!], (direction) => {
+    const texel = texelOf(...direction, rows);
+    return open[texel]! > STILL_HIDDEN ? around[texel]! : 0;
+  });
+}
+
+/** What lies round each texel, the nearer the more. */
+function surroundings(bright: Float32Array, rows: number): Float32Array {
+  const columns = 2 * rows;
   const near = nearness(rows);
-  let [best, most] = [0, Number.NEGATIVE_INFINITY];
+  const sums = new Float32Array(bright.length);
   for (let row = 0; row < rows; row++) {
     for (let column = 0; column < columns; column++) {
       let sum = 0;
@@ -214,11 +240,10 @@ function brightest(power: Float32Array, height: number): Vector3 {
         const line = (2 * (row * rows + other) + 1) * columns - column;
         for (let k = 0; k < columns; k++, i++) sum += near[line + k]! * bright[i]!;
       }
-      if (sum > most) [best, most] = [row * columns + column, sum];
+      sums[row * columns + column] = sum;
     }
   }
-  const [x, y, z] = texelDirections(rows).subarray(3 * best, 3 * best + 3);
-  return [x!, y!, z!];
+  return sums;
 }
 
 /** e^(kappa (cos - 1)) between texels of two rows a number of columns apart, twice around. */

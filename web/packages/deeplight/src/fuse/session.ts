@@ -5,14 +5,13 @@
  */
 import { FUSE } from "../contract/generated.ts";
 import type { Environment } from "../light/environment.ts";
-import { luminous } from "../light/lamp.ts";
-import { angleBetween, IDENTITY, type Matrix3x3, type Vector3 } from "../light/matrix.ts";
+import { angleBetween, IDENTITY, type Matrix3x3 } from "../light/matrix.ts";
 import { overlapOf, placesOf, solveGains, trusted } from "./gains.ts";
 import { environmentOf } from "./merge.ts";
+import { type Kept as Shown, Steadily } from "./steady.ts";
 import { type Cells, cellsOf, logPower, type SmallPicture, type View } from "./view.ts";
 
 const { CHANGED, LEAST_OVERLAP_SR, LIKE_EXPOSURE, MOST_VIEWS, NEAR_RAD, PATIENCE } = FUSE;
-const { ENOUGH_SEEN, MOST_SHADE, ROOM } = FUSE;
 
 /** What became of a frame. */
 export interface Added {
@@ -63,8 +62,7 @@ export class Session {
   #strange = 0;
   #count = 0;
   #trust: Float32Array[] | null = null;
-  /** ln of the power last shown steadily. */
-  #shown: number | null = null;
+  #shown: Shown = { logPower: null, lamp: null };
 
   constructor(readonly mostViews: number = MOST_VIEWS) {
     if (!(mostViews >= 2)) throw new RangeError(`expected 2 views or more, got ${mostViews}`);
@@ -130,7 +128,8 @@ export class Session {
    * @param logGain of the frame relative to whose white; left out, the first frame's.
    * @param steady for a light shown while one turns. Its power then stays what the last steady one
    *   had until that is contradicted by more than its uncertainty, which is gone once half of the
-   *   sphere was seen; what was seen stays itself.
+   *   sphere was seen, and the lamp where nothing was seen stays until another place is clearly
+   *   brighter; what was seen stays itself.
    * @throws RangeError where nothing has been added.
    */
   environment(
@@ -144,23 +143,8 @@ export class Session {
     const cells = this.#kept.map((kept) => kept.cells);
     this.#trust ??= trusted(cells, gains);
     const gathered = { views: this.views, cells, logGain: gains, trust: this.#trust };
-    const shade = (known: Vector3, believed: Vector3, seen: number) =>
-      this.#shade(logGain, known, believed, seen);
-    return environmentOf(gathered, worldFromCamera, height, steady ? shade : null);
-  }
-
-  /** By what factor to change what is only believed, so that the light stays steady. */
-  #shade(unit: Rgb, known: Vector3, believed: Vector3, seen: number): number {
-    const [sure, rest] = [known, believed].map((power) =>
-      luminous(power.map((value, c) => value * Math.exp(-unit[c]!)) as unknown as Vector3),
-    ) as [number, number];
-    if (!(rest > 0)) return 1;
-    const log = Math.log(sure + rest);
-    const room = ROOM * Math.max(0, 1 - seen / ENOUGH_SEEN);
-    const wanted = Math.min(Math.max(this.#shown ?? log, log - room), log + room);
-    const factor = Math.min(Math.max((Math.exp(wanted) - sure) / rest, 1 / MOST_SHADE), MOST_SHADE);
-    this.#shown = Math.log(sure + factor * rest);
-    return factor;
+    const steadily = steady ? new Steadily(this.#shown, logGain, worldFromCamera) : null;
+    return environmentOf(gathered, worldFromCamera, height, steadily);
   }
 
   /** Forgets everything: the place has been left. */
@@ -169,7 +153,8 @@ export class Session {
     this.#logGain = new Float64Array(0);
     this.#unit = [0, 0, 0];
     this.#strange = this.#count = 0;
-    this.#trust = this.#shown = null;
+    this.#trust = null;
+    this.#shown = { logPower: null, lamp: null };
   }
 
   /** Keeps one more view; how far it disagrees with the others. */
@@ -223,7 +208,7 @@ export class Session {
     const newest = [...this.#kept.keys()].sort((a, b) => this.#number(a) - this.#number(b));
     this.#keep(newest.slice(-PATIENCE));
     this.#strange = 0;
-    this.#shown = null;
+    this.#shown = { logPower: null, lamp: null };
   }
 
   #number(k: number): number {
