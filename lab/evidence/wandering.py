@@ -34,7 +34,6 @@ from lab.pans_table import SETS, USUAL, Case, Scores, case_of
 CONE_RAD = 0.35  # of `harmonics.dominant_light`
 WAYS = ((1.0, 0.0), (1.25, 0.0), (2.0, 0.0), (1.25, 10.0), (1.25, 15.0), (1.25, 20.0), (1.25, 30.0))
 """Factors by which to hold on, and degrees within which to rest."""
-CLEARLY = (0.0, 1e-9, 1.1, 1.25, 1.5, 2.0, 3.0)
 JUMP_DEG = 20.0  # of a step of 30 degrees
 ROWS = 64
 BALL = 32
@@ -51,6 +50,8 @@ class Args:
     """Folder of HDR panoramas."""
     split: Literal["val", "test"] = "val"
     """Which places."""
+    clearly: tuple[float, ...] = (0.0, 1.1, 1.25, 1.5, 2.0, 3.0)
+    """How much brighter a place must be for the session's lamp to go there; 0: not steadily."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,11 +186,11 @@ def rules_table(cases: Sequence[tuple[list[Step], np.ndarray]]) -> None:
     print()
 
 
-def lamp_table(cases: Sequence[Case]) -> None:
+def lamp_table(cases: Sequence[Case], factors: Sequence[float]) -> None:
     """What a session shows, by how much brighter a place must be for its lamp to go there."""
     print("| CLEARLY | wanders, per 60°: median | mean | L1 on the way | L1 at its end |")
     print("|---|---|---|---|---|")
-    for factor in CLEARLY:
+    for factor in factors:
         scores, wander = Scores(), []
         for case in cases:
             lights = shown(case, factor)
@@ -233,7 +234,7 @@ def main(args: Args) -> None:
     print(f"{len(cases)} places of {args.split}, weights {network.sha256[:12]}:\n")
     jumps_table(cases)
     rules_table(cases)
-    lamp_table(pans)
+    lamp_table(pans, args.clearly)
 
 
 if __name__ == "__main__":
