@@ -95,7 +95,7 @@ test("the camera is off while nobody sees the page, and on again after", async (
   await untilLit(page);
   await page.click("#close");
   await page.waitForSelector("#start:visible");
-  expect(await isFilming(page)).toBe(false);
+  await expect.poll(() => isFilming(page)).toBe(false); // where it was just opening, as soon as it is open
   await leave();
 });
 
@@ -115,17 +115,19 @@ test("the phone is turned: the picture fills the screen as before", async () => 
   await leave();
 });
 
+/** As its sensors say it. */
+const holdPhone = (page: Page, alpha: number, beta: number): Promise<void> =>
+  page.evaluate(
+    (angles) => {
+      dispatchEvent(new DeviceOrientationEvent("deviceorientation", angles));
+    },
+    { alpha, beta, gamma: 0 },
+  );
+
 test("follows the phone's motion: what stands on the floor leaves the view when it is turned away", async () => {
   const { page, leave } = await visit(browser, site.url, { touch: true });
   await openCamera(page);
-  const hold = (alpha: number, beta: number): Promise<void> =>
-    page.evaluate(
-      (angles) => {
-        dispatchEvent(new DeviceOrientationEvent("deviceorientation", angles));
-      },
-      { alpha, beta, gamma: 0 },
-    );
-  await hold(0, 60);
+  await holdPhone(page, 0, 60);
   await page.click('[data-tray="camera"]');
   await page.waitForSelector('#motion[aria-pressed="true"]');
   await expect.poll(() => page.textContent("#tilt-value")).toBe("-30°");
@@ -133,7 +135,7 @@ test("follows the phone's motion: what stands on the floor leaves the view when 
   await page.click('[data-tray="camera"]');
   await page.locator("video").evaluate((video: HTMLVideoElement) => video.pause());
   const ahead = await page.locator("#view").screenshot();
-  await hold(90, 60);
+  await holdPhone(page, 90, 60);
   await page.waitForTimeout(400);
   expect((await page.locator("#view").screenshot()).equals(ahead)).toBe(false);
   await leave();
@@ -181,5 +183,55 @@ test("motion that nobody senses is reported", async () => {
   await page.click('[data-tray="camera"]');
   await page.click("#motion");
   await page.waitForSelector('#notice[open][data-kind="no-motion"]');
+  await leave();
+});
+
+/** Runs before the page: the sensors are an iPhone's, which answers a question in a tap like this. */
+function asksFirst(answer: PermissionState | "throws"): void {
+  const asked: boolean[] = [];
+  Object.assign(window, { asked });
+  Object.assign(DeviceOrientationEvent, {
+    requestPermission(): Promise<PermissionState> {
+      asked.push(navigator.userActivation.isActive);
+      return answer === "throws" ? Promise.reject(new Error("no tap")) : Promise.resolve(answer);
+    },
+  });
+}
+
+const asked = (page: Page): Promise<boolean[] | undefined> =>
+  page.evaluate(() => (window as { asked?: boolean[] }).asked);
+
+test.each([
+  ["granted", true],
+  ["denied", false],
+  ["throws", false],
+] as const)("an iPhone asks for motion in the camera's tap, once: %s", async (answer, follows) => {
+  const before = (page: Page) => page.addInitScript(asksFirst, answer);
+  const { page, leave } = await visit(browser, site.url, { touch: true, before });
+  expect(await asked(page)).toEqual([]); // not without a tap
+  await page.tap("#open-camera");
+  await untilLit(page);
+  expect(await asked(page)).toEqual([true]);
+  await holdPhone(page, 0, 60);
+  await page.click('[data-tray="camera"]');
+  await page.waitForSelector(`#motion[aria-pressed="${follows}"]`);
+  expect(await page.isDisabled("#tilt")).toBe(follows);
+  expect(await isFilming(page)).toBe(true); // a refusal costs the sensors, not the camera
+  expect(await page.isVisible("#notice")).toBe(false);
+  if (!follows) {
+    await page.click("#motion");
+    await page.waitForSelector('#notice[open][data-kind="motion-denied"]');
+    expect(await asked(page)).toEqual([true, true]);
+  }
+  await leave();
+});
+
+test("where nobody needs to ask, motion is followed at once", async () => {
+  const { page, leave } = await visit(browser, site.url, { touch: true });
+  await openCamera(page);
+  expect(await asked(page)).toBeUndefined();
+  await holdPhone(page, 0, 60);
+  await page.click('[data-tray="camera"]');
+  await page.waitForSelector('#motion[aria-pressed="true"]');
   await leave();
 });
