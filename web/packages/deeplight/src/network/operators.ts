@@ -23,15 +23,44 @@ const ONE: Record<string, (x: number) => number> = {
   Sqrt: Math.sqrt,
   Tanh: Math.tanh,
 };
-const TWO: Record<string, (a: number, b: number) => number> = {
-  Add: (a, b) => a + b,
-  Div: (a, b) => a / b,
-  Max: Math.max,
-  Min: Math.min,
-  Mul: (a, b) => a * b,
-  Pow: (a, b) => a ** b,
-  Sub: (a, b) => a - b,
+const TWO: Record<string, (row: Row) => void> = {
+  Add({ out, to, length, a, b, i, j, along, and }) {
+    for (let k = 0; k < length; k++) out[to + k] = a[i + k * along]! + b[j + k * and]!;
+  },
+  Div({ out, to, length, a, b, i, j, along, and }) {
+    for (let k = 0; k < length; k++) out[to + k] = a[i + k * along]! / b[j + k * and]!;
+  },
+  Max: rowOf(Math.max),
+  Min: rowOf(Math.min),
+  Mul({ out, to, length, a, b, i, j, along, and }) {
+    for (let k = 0; k < length; k++) out[to + k] = a[i + k * along]! * b[j + k * and]!;
+  },
+  Pow: rowOf((a, b) => a ** b),
+  Sub({ out, to, length, a, b, i, j, along, and }) {
+    for (let k = 0; k < length; k++) out[to + k] = a[i + k * along]! - b[j + k * and]!;
+  },
 };
+
+/** Numbers in a row, made of two arrays from their places on; a step is 0 or 1. */
+interface Row {
+  readonly out: Float32Array;
+  readonly to: number;
+  readonly length: number;
+  readonly a: Float32Array;
+  readonly b: Float32Array;
+  readonly i: number;
+  readonly j: number;
+  readonly along: number;
+  readonly and: number;
+}
+
+/** Slower than a loop of its own: for what is done to few numbers. */
+function rowOf(put: (a: number, b: number) => number): (row: Row) => void {
+  return ({ out, to, length, a, b, i, j, along, and }) => {
+    for (let k = 0; k < length; k++) out[to + k] = put(a[i + k * along]!, b[j + k * and]!);
+  };
+}
+
 /** How values are put together, from what on, and what is done with all at the end. */
 const REDUCE: Record<string, Reduction> = {
   ReduceL2: { start: 0, add: (sum, x) => sum + x * x, end: Math.sqrt },
@@ -103,7 +132,7 @@ function steps(shape: readonly number[], rank: number): number[] {
   return result;
 }
 
-function broadcast(a: Dense, b: Dense, put: (a: number, b: number) => number): Dense {
+function broadcast(a: Dense, b: Dense, put: (row: Row) => void): Dense {
   const rank = Math.max(a.shape.length, b.shape.length);
   const along = ({ shape }: Dense, axis: number) => shape[axis + shape.length - rank] ?? 1;
   const shape = Array.from({ length: rank }, (_, axis) => {
@@ -113,12 +142,43 @@ function broadcast(a: Dense, b: Dense, put: (a: number, b: number) => number): D
     }
     return m === 1 ? n : m;
   });
-  // Whole pictures with one number: the places need not be looked up.
-  const [own, other] = [a.data[0]!, b.data[0]!];
-  if (b.data.length === 1) return { shape, data: a.data.map((value) => put(value, other)) };
-  if (a.data.length === 1) return { shape, data: b.data.map((value) => put(own, value)) };
   const [from, and] = [steps(a.shape, rank), steps(b.shape, rank)];
-  return walked(shape, [from, and], ([i, j]) => put(a.data[i!]!, b.data[j!]!));
+  const { axis, length, by } = longestRow(shape, [from, and]);
+  const data = new Float32Array(shape.reduce((product, n) => product * n, 1));
+  const row = {
+    out: data,
+    to: 0,
+    length,
+    a: a.data,
+    b: b.data,
+    i: 0,
+    j: 0,
+    along: by[0]!,
+    and: by[1]!,
+  };
+  walked(shape.slice(0, axis), [from.slice(0, axis), and.slice(0, axis)], ([i, j]) => {
+    put({ ...row, i: i!, j: j! });
+    row.to += length;
+    return 0;
+  });
+  return { shape, data };
+}
+
+/** The last axes along which every array goes on evenly or stays: no place there need be looked up. */
+function longestRow(shape: readonly number[], along: readonly (readonly number[])[]) {
+  const by = along.map(() => -1); // not known yet
+  let [axis, length] = [shape.length, 1];
+  for (; axis > 0; axis--) {
+    const count = shape[axis - 1]!;
+    if (count === 1) continue;
+    const next = along.map((step) => step[axis - 1]! / length);
+    if (!next.every((step, k) => (by[k] === -1 ? step === 0 || step === 1 : step === by[k]))) break;
+    next.forEach((step, k) => {
+      by[k] = step;
+    });
+    length *= count;
+  }
+  return { axis, length, by: by.map((step) => Math.max(step, 0)) };
 }
 
 /** An array of `shape`, each value made of the places that `along` steps lead to. */
@@ -167,10 +227,11 @@ function reduced(x: Dense, axes: number[] | undefined, keeps: boolean, how: Redu
   const kept = x.shape.findLastIndex((n, axis) => n > 1 && !gone.has(axis));
   if (x.shape.every((n, axis) => axis > kept || n === 1 || !gone.has(axis))) {
     // What goes lies together, so the places need not be looked up.
-    x.data.forEach((value, i) => {
-      const to = Math.floor(i / count);
-      result[to] = how.add(result[to]!, value);
-    });
+    for (let to = 0, at = 0; to < result.length; to++) {
+      let sum = how.start;
+      for (const end = at + count; at < end; at++) sum = how.add(sum, x.data[at]!);
+      result[to] = sum;
+    }
   } else {
     walked(x.shape, [ownSteps(x.shape), steps(shape, rank)], ([from, to]) => {
       result[to!] = how.add(result[to!]!, x.data[from!]!);
@@ -273,9 +334,9 @@ function split([x, sizes]: readonly Dense[], node: Node): Dense[] {
 
 function softmax(x: Dense, axis: number): Dense {
   const most = reduced(x, [axis], true, REDUCE.ReduceMax!);
-  const powers = broadcast(x, most, (a, b) => Math.exp(a - b));
+  const powers = each(broadcast(x, most, TWO.Sub!), Math.exp);
   const sum = reduced(powers, [axis], true, REDUCE.ReduceSum!);
-  return broadcast(powers, sum, (a, b) => a / b);
+  return broadcast(powers, sum, TWO.Div!);
 }
 
 function squeezed({ shape, data }: Dense, axes: number[] | undefined): Dense {
