@@ -203,6 +203,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("probe a.jpg --out b.exr --card-reflectance 0.5", "--card-reflectance without --card"),
         ("probe a.jpg --out b.exr --shows panorama --ball 1 2 3", "--ball with --shows panorama"),
         ("demo --export x --port 80", "--port with --export"),
+        ("demo --at https://example.org/", "--at without --export"),
         ("convert a.hdr --test-panorama --out b.exr", "IN with --test-panorama"),
         ("convert --test-panorama --out b.exr --from unity", "--from with --test-panorama"),
         ("simulate --hdri x --out y --ray-address auto", "an address only with --engine ray"),

@@ -1,5 +1,6 @@
 """The demo's command and its export: every file, no links, one line for what is missing."""
 
+import hashlib
 import http.client
 import subprocess
 import sys
@@ -36,6 +37,29 @@ def test_the_export_has_every_file_and_no_links(folder: Path, tmp_path: Path) ->
         if path.is_file()
     }
     assert written == FILES | {MODEL: shipped_model().read_bytes()}
+
+
+def test_an_export_with_an_address_has_a_whole_one_for_its_picture(tmp_path: Path) -> None:
+    page = b'<meta property="og:image" content="./icons/share.jpg"><img src="./icons/share.jpg">'
+    for name, content in {"index.html": page, "service-worker.js": _lists(page)}.items():
+        (tmp_path / name).write_bytes(content)
+    site = Site.installed(tmp_path)
+    site.copied(tmp_path / "public", "https://example.org/a&b")
+    new = (tmp_path / "public/index.html").read_bytes()
+    assert b'content="https://example.org/a&amp;b/icons/share.jpg"><img src="./icons' in new
+    assert (tmp_path / "public/service-worker.js").read_bytes() == _lists(new) != _lists(page)
+    for wrong in ("example.org", "ftp://example.org/", "https://example.org/?a"):
+        with pytest.raises(ConfigError, match="give the page's address"):
+            site.copied(tmp_path / "other", wrong)
+
+
+def test_an_address_for_a_page_without_a_picture_is_refused(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="make web"):
+        Site.installed(folder).copied(tmp_path / "other", "https://example.org/")
+
+
+def _lists(page: bytes) -> bytes:
+    return b'[["index.html","%s"]]' % hashlib.sha256(page).hexdigest()[:16].encode()
 
 
 def test_an_export_never_mixes_with_other_files(folder: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import { test } from "vitest";
 import { launch, untilLit, visit } from "../e2e/browser.ts";
 import { makeClip } from "../e2e/clip.ts";
 import { serve } from "../e2e/python.ts";
+import { type TraceEvent, threadTimes } from "./trace.ts";
 
 const LARGER = 5 / 3; // 720 x 1280
 const WARM_UP_FRAMES = 40;
@@ -75,30 +76,6 @@ function turnPhone(): void {
     const angles = { alpha: 1.5 * step++, beta: 80 + 4 * Math.sin(step / 9), gamma: 0 };
     dispatchEvent(new DeviceOrientationEvent("deviceorientation", angles));
   }, 33);
-}
-
-interface TraceEvent {
-  readonly name: string;
-  readonly ph: string;
-  readonly pid: number;
-  readonly tid: number;
-  /** Microseconds of processor time. */
-  readonly tdur?: number;
-  readonly args: { readonly name?: string };
-}
-
-/** Milliseconds of processor time in the tasks of each of the renderer's threads. */
-function threadTimes(events: readonly TraceEvent[]): Map<string, number> {
-  const key = ({ pid, tid }: TraceEvent): string => `${pid}/${tid}`;
-  const named = events.filter(({ ph, name }) => ph === "M" && name === "thread_name");
-  const names = new Map(named.map((event) => [key(event), event.args.name!]));
-  const times = new Map<string, number>();
-  for (const event of events) {
-    if (event.ph !== "X" || !event.name.endsWith("RunTask")) continue;
-    const thread = names.get(key(event)) ?? "";
-    times.set(thread, (times.get(thread) ?? 0) + (event.tdur ?? 0) / 1000);
-  }
-  return times;
 }
 
 const counted = (page: Page): Promise<Count> => page.evaluate(() => window.count);

@@ -42,6 +42,8 @@ class Args:
     """Open the browser, when started from a terminal."""
     export: Path | None = None
     """Write the page into this folder instead, for any web host."""
+    at: str | None = None
+    """With --export: the address that the folder will have, so that links to it show a picture."""
 
 
 def run(args: Args) -> None:
@@ -54,11 +56,13 @@ def run(args: Args) -> None:
     if args.export is not None:
         unused = ("port", "host", "name", "https", "certificate", "open")
         refuse_unused(args, "with --export", *unused)
+    else:
+        refuse_unused(args, "without --export", "at")
     if not args.https:
         refuse_unused(args, "without --https", "certificate")
     site = Site.installed()
     if args.export is not None:
-        count = site.copied(args.export)
+        count = site.copied(args.export, args.at)
         sys.stdout.write(f"{count} files in {args.export}: put them on any https host\n")
         return
     tls, fingerprint = _certificate(args) if args.https else (None, "")

@@ -1,12 +1,14 @@
 """The built page as files: which there are, what they are, and a copy of them for any web host."""
 
 import hashlib
+import html
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
+from urllib.parse import urlsplit
 
 from deeplight.errors import ConfigError
 from deeplight.estimators.onnx import shipped_model
@@ -14,6 +16,11 @@ from deeplight.io.atomic import replacing, results_folder
 
 MODEL = "model/deeplight.onnx"
 """Where the page looks for the network; the installed package's own is given there."""
+
+PAGE, WORKER = "index.html", "service-worker.js"
+
+PICTURE = b'content="./icons/share.jpg"'
+"""In the page: what is shown of a link to it."""
 
 HASHED = "assets/"
 """Files in this folder have their content's hash in their names: they never change."""
@@ -65,20 +72,46 @@ class Site:
         }
         return cls(MappingProxyType(files | {MODEL: shipped_model()}))
 
-    def copied(self, to: Path) -> int:
+    def copied(self, to: Path, address: str | None = None) -> int:
         """Write the files into a folder for any web host; give how many.
 
+        `address` is where that folder will be: links to the page show its picture only by a whole
+        address.
+
         Raises:
-            ConfigError: the folder has something in it already.
+            ConfigError: the folder has something in it already, or the address is none of a folder.
             OSError: it cannot be written.
         """
         if to.exists() and (not to.is_dir() or any(to.iterdir())):
             raise ConfigError("an empty or new folder", f"{to}", "name another, or empty it")
+        changed = self._addressed(address) if address is not None else {}
         with results_folder(to):
             for name, path in self.files.items():
                 with replacing(to / name) as temporary:
-                    shutil.copyfile(path, temporary)
+                    if name in changed:
+                        temporary.write_bytes(changed[name])
+                    else:
+                        shutil.copyfile(path, temporary)
         return len(self.files)
+
+    def _addressed(self, address: str) -> dict[str, bytes]:
+        """The page with its picture's whole address, and the worker that knows the page's hash."""
+        parts = urlsplit(address)
+        if (
+            parts.scheme not in ("http", "https")
+            or not parts.netloc
+            or parts.query
+            or parts.fragment
+        ):
+            raise ConfigError("https://HOST/FOLDER/", address, "give the page's address")
+        folder = html.escape(address.rstrip("/") + "/")
+        old = self.files[PAGE].read_bytes()
+        new = old.replace(PICTURE, PICTURE.replace(b"./", folder.encode()))
+        before, after = (hashlib.sha256(page).hexdigest()[:16].encode() for page in (old, new))
+        worker = self.files[WORKER].read_bytes() if WORKER in self.files else b""
+        if new == old or before not in worker:
+            raise ConfigError("a page with a picture", f"{self.files[PAGE]}", "build it: make web")
+        return {PAGE: new, WORKER: worker.replace(before, after)}
 
 
 def content_type(name: str) -> str:
