@@ -129,8 +129,12 @@ def _mirror(view: SphereView, light_size: int) -> np.ndarray:
 def _diffuse(view: SphereView, light_size: int) -> np.ndarray:
     directions, solid_angle = _light_samples(light_size)
     normals = _by_sample(view.normals(2), 2)
-    weights = sum(brdf.lambertian(n @ directions.T) for n in normals) * (solid_angle / len(normals))
-    return _by_light(weights, light_size) * brdf.REFLECTIVITY["diffuse"]
+    share = solid_angle / len(normals)
+    weights = np.empty((view.size**2, light_size**2), np.float32)
+    for some in np.array_split(np.arange(len(weights)), max(1, len(weights) // _ROWS_AT_A_TIME)):
+        reflected = sum(brdf.lambertian(n[some] @ directions.T) for n in normals)
+        weights[some] = _by_light(reflected * share, light_size)
+    return weights * brdf.REFLECTIVITY["diffuse"]
 
 
 def _matte_silver(view: SphereView, light_size: int) -> np.ndarray:

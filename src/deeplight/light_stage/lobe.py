@@ -16,6 +16,7 @@ from deeplight.mappings import mirror_ball
 EXPONENT = 64  # section 3.3
 SUPERSAMPLE = 4  # section 3.3: a 4 x 4 grid of directions
 PASSES = 2
+NOTHING = 1e-30  # weights below it change no sum
 
 Lights = Float[np.ndarray, "lights 3"]
 
@@ -44,7 +45,7 @@ def lobe_weights(
     for _ in range(passes - 1):
         left = left @ taken
         put_back += left
-    return _lobe(directions, lights, shares) @ put_back.astype(np.float32)
+    return _cleared(_lobe(directions, lights, shares) @ put_back.astype(np.float32))
 
 
 def basis_weights(
@@ -73,7 +74,7 @@ def basis_weights(
     for pixel in np.flatnonzero(photographs.any(axis=1)):
         if parallax is not None:
             taps = _taps(_seen_from_centre(flat, parallax[pixel].astype(np.float32)), fine)
-        values = sum(response[pixel, index] * weight for index, weight in taps)
+        values = sum(response[pixel].take(index) * weight for index, weight in taps)
         weights[pixel] = (values.reshape(solid_angle.shape) * solid_angle).sum(axis=1)
     return _without_negatives(weights)
 
@@ -95,7 +96,16 @@ def _lobe(directions: np.ndarray, lights: np.ndarray, shares: np.ndarray) -> np.
         # Relative to the nearest light, so that far from all of them it is not 0 / 0.
         relative = np.maximum(cosine, 1e-6) / np.maximum(cosine.max(axis=1, keepdims=True), 1e-6)
         weights[some] = relative**EXPONENT * shares
-    return weights / weights.sum(axis=1, keepdims=True)
+    return _cleared(weights / weights.sum(axis=1, keepdims=True))
+
+
+def _cleared(weights: np.ndarray) -> np.ndarray:
+    """The weights, in place, without those that change no sum.
+
+    A processor takes 25 times as long to multiply numbers near float32's smallest.
+    """
+    weights[np.abs(weights) < NOTHING] = 0
+    return weights
 
 
 def _seen_from_centre(directions: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -113,10 +123,11 @@ def _taps(directions: np.ndarray, size: int) -> list[tuple[np.ndarray, np.ndarra
     row = np.clip((1 - v) * (size / 2) - 0.5, 0, size - 1)
     left, top = np.minimum(column.astype(int), size - 2), np.minimum(row.astype(int), size - 2)
     right, down = (column - left).astype(np.float32), (row - top).astype(np.float32)
+    corner, up = top * size + left, 1 - down
     return [
-        ((top + dr) * size + left + dc, (down if dr else 1 - down) * (right if dc else 1 - right))
-        for dr in (0, 1)
-        for dc in (0, 1)
+        (corner + dr * size + dc, wr * wc)
+        for dr, wr in ((0, up), (1, down))
+        for dc, wc in ((0, 1 - right), (1, right))
     ]
 
 
