@@ -115,6 +115,15 @@ def shallow_networks() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def without_curves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Short trainings without curves.png, which takes longer to draw than they take.
+
+    `test_what_a_run_leaves` and `test_capture_film` look for it.
+    """
+    monkeypatch.setattr("deeplight.training.record.draw_curves", lambda _: None)
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Panoramas and weights next to the repository; without it tests are skipped."""

@@ -124,13 +124,20 @@ def _glossy(
 ) -> Float[np.ndarray, "3 small_height small_width 3"]:
     """What unit reflectors show: for things seen in the spheres, which are small."""
     small = resample.shrink_latlong(panorama, GLOSSY_HEIGHT)
-    sources = latlong.directions(*small.shape[:2]).reshape(-1, 3)
-    solid_angle = latlong.solid_angles(*small.shape[:2]).reshape(-1)
+    shown = [(lobe @ small.reshape(-1, 3)).reshape(small.shape) for lobe in _lobes(len(small))]
+    return np.stack([*shown, small])
+
+
+@lru_cache(maxsize=1)
+def _lobes(height: int) -> tuple[Float[np.ndarray, "texels texels"], ...]:
+    """How much each texel of a panorama counts for the reflection in each, matte and rough."""
+    sources = latlong.directions(height, 2 * height).reshape(-1, 3)
+    solid_angle = latlong.solid_angles(height, 2 * height).reshape(-1)
     cosine = sources @ sources.T
-    lobes = [brdf.lambertian(cosine), brdf.rough_specular(cosine, np.ones_like(cosine), cosine)]
     result = []
-    for lobe in lobes:
+    for lobe in (brdf.lambertian(cosine), brdf.rough_specular(cosine, np.ones_like(cosine), cosine)):
         weights = lobe * solid_angle
         weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
-        result.append((weights @ small.reshape(-1, 3)).reshape(small.shape))
-    return np.stack([*result, small])
+        weights.setflags(write=False)
+        result.append(weights)
+    return tuple(result)

@@ -28,7 +28,7 @@ from deeplight.training.presets import preset
 from patience import patient
 from toy_data import ToyEpochs, write_toy_data
 
-pytestmark = pytest.mark.needs("safetensors")
+pytestmark = [pytest.mark.needs("safetensors"), pytest.mark.usefixtures("without_curves")]
 
 RECIPE = Recipe(train_takes=2, frames=1, shard_takes=2)
 HERE = Engine(workers=1)

@@ -23,7 +23,7 @@ from deeplight.training.presets import preset
 from deeplight.training.release import contract_of, load_best
 from patience import patient
 
-pytestmark = pytest.mark.needs("safetensors")
+pytestmark = [pytest.mark.needs("safetensors"), pytest.mark.usefixtures("without_curves")]
 
 # Everything that has a state or draws random numbers is on: batch norm, average, dropout, noise;
 # and the discriminator, as in the preset `paper`. The network is the same one with fewer channels.

@@ -25,6 +25,7 @@ from deeplight.training.heads import (
 )
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, NetworkConfig
+from networks import shallow
 
 SMALL = NetworkConfig(
     latent_size=32, decoder_widths=(8, 8), encoder_norm="none", decoder_norm="none", width=0.35,
@@ -86,14 +87,22 @@ def test_scales_hold_in_new_places_that_of_colour_in_new_takes() -> None:
     assert found["colour_scale"].within == pytest.approx(0.68 * 301 / 300, abs=0.003)
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That network, of few blocks, as a file."""
+    path = tmp_path_factory.mktemp("heads") / "heads.onnx"
+    with shallow():
+        export_onnx(network(), CONTRACT, path, float16=False)
+    return path
+
+
 def test_scales_set_anew_change_nothing_else_in_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    written: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shallow_networks: None
 ) -> None:
-    first, second = tmp_path / "first.onnx", tmp_path / "second.onnx"
-    export_onnx(network(), CONTRACT, first, float16=False)
+    second = tmp_path / "second.onnx"
     monkeypatch.setattr(teaching, "views_of", lambda *_: views(300, 1))
-    write_network(first, second, refinement=Refinement(scales=("data",)))
-    before, after = (load_network(path)[0].state_dict() for path in (first, second))
+    write_network(written, second, refinement=Refinement(scales=("data",)))
+    before, after = (load_network(path)[0].state_dict() for path in (written, second))
     assert {name for name in before if not torch.equal(before[name], after[name])} == {BIAS}
     moved = (after[BIAS] != before[BIAS]).nonzero()[:, 0].tolist()
     assert {HEADS[number] for number in moved} <= set(SCALES)
@@ -125,18 +134,16 @@ def test_a_photo_on_its_side_is_what_a_camera_would_give() -> None:
 
 @torch.no_grad()
 def test_what_they_say_is_in_the_file_and_in_the_estimate(
-    tmp_path: Path, shallow_networks: None
+    written: Path, shallow_networks: None
 ) -> None:
-    path = tmp_path / "heads.onnx"
-    export_onnx(network(), CONTRACT, path, float16=False)
-    estimator = OnnxEstimator(path)
+    estimator = OnnxEstimator(written)
     picture = np.random.default_rng(0).uniform(0, 1, (160, 120, 3))
     estimate = estimator.explain(picture)
     assert tuple(estimate.heads) == HEADS
     assert all(estimate.heads[name] > 0 for name in SCALES)
     chances = [estimate.heads[name] for name in HEADS if name.startswith("upright")]
     assert sum(chances) == pytest.approx(1, abs=1e-5)
-    again, contract = load_network(path)
+    again, contract = load_network(written)
     assert contract == CONTRACT
     photo = torch.rand(2, 3, 192, 135) - 0.5
     torch.testing.assert_close(again.everything(photo)[2], network().everything(photo)[2])
