@@ -158,7 +158,10 @@ release: npm-package $(VENV)/.created
 	cd src/deeplight/demo/site && $(abspath $(BIN))/python -m zipfile --create $(abspath $(RELEASE))/deeplight-page-$(VERSION).zip *
 	cd $(RELEASE) && mv deeplight-$(VERSION).tgz deeplight-npm-$(VERSION).tgz && sha256sum deeplight* > SHA256SUMS
 
+# On GitHub GITHUB_REPOSITORY is OWNER/NAME: who installs the package must find its source.
 release-version:
+	@test -z "$(GITHUB_REPOSITORY)" || grep -q '^Source = .*$(GITHUB_REPOSITORY)' pyproject.toml \
+		|| { echo "expected Source of [project.urls] to name $(GITHUB_REPOSITORY), got none: add it to pyproject.toml"; exit 2; }
 	@test "$(TAG)" = "v$(VERSION)" || { echo "expected the tag v$(VERSION) of pyproject.toml, got $(TAG)"; exit 2; }
 	@for file in CHANGELOG.md web/packages/deeplight/CHANGELOG.md; do grep -q '^## $(VERSION)' $$file \
 		|| { echo "expected a heading $(VERSION) in $$file, got none"; exit 2; }; done
