@@ -135,7 +135,10 @@ def _lobes(height: int) -> tuple[Float[np.ndarray, "texels texels"], ...]:
     solid_angle = latlong.solid_angles(height, 2 * height).reshape(-1)
     cosine = sources @ sources.T
     result = []
-    for lobe in (brdf.lambertian(cosine), brdf.rough_specular(cosine, np.ones_like(cosine), cosine)):
+    for lobe in (
+        brdf.lambertian(cosine),
+        brdf.rough_specular(cosine, np.ones_like(cosine), cosine),
+    ):
         weights = lobe * solid_angle
         weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
         weights.setflags(write=False)
