@@ -91,23 +91,31 @@ def draw_lamps(lamps: Sequence[Lamp], height: int) -> Panorama:
     Each texel holds the part of the disc that it covers, and the whole is brought to the lamp's
     flux exactly. A disc smaller than a texel becomes that texel.
     """
-    width = 2 * height
-    result = np.zeros((height, width, 3), np.float32)
+    result = np.zeros((height, 2 * height, 3), np.float32)
+    add_lamps(result, lamps)
+    return result
+
+
+def add_lamps(panorama: Panorama, lamps: Sequence[Lamp]) -> None:
+    """Draw lamps into a latlong, in place; see `draw_lamps`."""
+    height, width, _ = panorama.shape
     solid_angle = latlong.solid_angles(height, width)
     for lamp in lamps:
         rows, columns, cover = _coverage(lamp, height)
         area = float((cover * solid_angle[rows, columns]).sum())
         radiance = (lamp.flux / area).astype(np.float32)
-        result[rows, columns] += cover[:, None].astype(np.float32) * radiance
-    return result
+        panorama[rows, columns] += cover[:, None].astype(np.float32) * radiance
 
 
 def _coverage(lamp: Lamp, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows, columns and covered part (0 to 1) of the texels that a lamp's disc touches."""
     width, texel = 2 * height, np.pi / height
-    directions = latlong.directions(height, width)
-    reach = np.cos(min(lamp.angular_radius_rad + 1.5 * texel, np.pi))
-    rows, columns = np.nonzero(directions @ lamp.direction.astype(np.float32) > reach)
+    reach = min(lamp.angular_radius_rad + 1.5 * texel, np.pi)
+    middle = float(np.arccos(np.clip(lamp.direction[1], -1, 1)))
+    top, end = int((middle - reach) / texel) - 1, int((middle + reach) / texel) + 2
+    band = latlong.directions(height, width)[max(top, 0) : end]
+    rows, columns = np.nonzero(band @ lamp.direction.astype(np.float32) > np.cos(reach))
+    rows += max(top, 0)
     steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
     theta = (rows[:, None] + steps) * texel
     phi = (columns[:, None] + steps) * texel - np.pi

@@ -22,7 +22,7 @@ from deeplight.estimators.surroundings import (
     power_of,
     smooth_map,
 )
-from deeplight.lamp import Lamp, draw_lamps
+from deeplight.lamp import Lamp, add_lamps
 from deeplight.lighting import Lighting
 from deeplight.lobe import concentration_of
 from deeplight.mappings import latlong
@@ -56,9 +56,9 @@ class SceneLight:
     @cached_property
     def environment(self) -> Environment:
         """Everything in one panorama, each lamp at its place and size."""
-        lamps = draw_lamps(self.lamps, len(self.rest))
-        lamps += self.rest
-        return Environment(lamps, self.seen)
+        whole = self.rest.copy()
+        add_lamps(whole, self.lamps)
+        return Environment(whole, self.seen)
 
     def softened(self, radius_rad: float) -> Self:
         """The same light with its lamps as glows of about this radius: what is known of lamps

@@ -5,10 +5,11 @@ star. There the map is smoothed on the sphere. And next to the photo it is broug
 shows at its edge, fading with the angle, so that no seam remains.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32, Int
 
 from deeplight.camera_response import CameraResponse
 from deeplight.estimators.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
@@ -29,6 +30,8 @@ MAP_ROWS = 128
 """Rows at which the map is fitted to the photo; finer ones lie between these."""
 REACH_RAD = float(np.radians(40))
 """So far from the photo's edge the map is adapted to it."""
+_TILE = 4, 8  # texels of the map that are mixed at once
+_LEAST_WEIGHT = 1e-10  # of a texel's largest: the pixels of less are left out
 _MOST_ADAPTED = np.log(200.0)
 _DARKEST = 1e-3
 
@@ -40,11 +43,14 @@ def smooth_map(
 
     Linear in the ball; each ball pixel's power is kept, and even light stays even.
     """
-    kernel = _quarter(len(ball))
     small = np.empty((_ROWS, 2 * _ROWS, 3), np.float32)
     turns = [(down, across) for down in (1, -1) for across in (1, -1)]
-    balls = np.stack([ball[::down, ::across] for down, across in turns], axis=2)
-    found = kernel @ balls.reshape(len(kernel[0]), -1).astype(np.float32)
+    balls = np.concatenate([ball[::down, ::across] for down, across in turns], axis=2)
+    balls = balls.reshape(len(ball) ** 2, -1).astype(np.float32)
+    found = np.empty((_ROWS // 2, _ROWS, len(turns) * 3), np.float32)
+    for tile in _tiles(len(ball)):
+        mixed = tile.kernel @ balls[tile.pixels]
+        found[tile.rows, tile.columns] = mixed.reshape(*_TILE, -1)
     quarters = np.moveaxis(found.reshape(_ROWS // 2, _ROWS, len(turns), 3), 2, 0)
     for (down, across), quarter in zip(turns, quarters, strict=True):
         small[::down, ::across][: _ROWS // 2, :_ROWS] = quarter
@@ -55,21 +61,25 @@ def enlarged(
     small: Float32[np.ndarray, "rows columns channels"], height: int
 ) -> Float32[np.ndarray, "height width channels"]:
     """Bilinear between the texels of a coarser panorama, around the back."""
-    rows, columns, _ = small.shape
+    rows, columns, channels = small.shape
     if rows == height:
         return small
+    # Weights as long as a row of numbers: numpy is slow where its inner loop is a texel's three.
+    lines = small.reshape(rows, columns * channels)
     at = (np.arange(height) + 0.5) * (rows / height) - 0.5
     top, down = _taps(np.clip(at, 0, rows - 1))
-    between = (
-        small[top] * (1 - down[:, None, None])
-        + small[(top + 1).clip(0, rows - 1)] * (down[:, None, None])
-    )
+    between = lines[top] * (1 - down[:, None])
+    between += lines[(top + 1).clip(0, rows - 1)] * down[:, None]
     at = (np.arange(2 * height) + 0.5) * (columns / (2 * height)) - 0.5
     left, across = _taps(at)
-    across = across[None, :, None]
-    result: np.ndarray = between[:, left % columns] * (1 - across)
-    result += between[:, (left + 1) % columns] * across
-    return result
+    across = across.repeat(channels)
+    texels = between.reshape(height, columns, channels)
+    result: np.ndarray = texels.take(left % columns, axis=1).reshape(height, -1)
+    result *= 1 - across
+    right = texels.take((left + 1) % columns, axis=1).reshape(height, -1)
+    right *= across
+    result += right
+    return result.reshape(height, 2 * height, channels)
 
 
 def power_of(radiance: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "3"]:
@@ -96,56 +106,119 @@ def adapted(
     The ratio of photo and map along the edge is interpolated in logarithms with weights that fall
     with the angle (Shepard 1968), so that near the edge it is the edge's own.
     """
-    directions, radiance, clipped = _edge(pixels, plane)
-    here = np.maximum(resample.sample_latlong(surroundings, directions), _DARKEST)
-    ratio = np.log(np.maximum(radiance, _DARKEST) / here).clip(-_MOST_ADAPTED, _MOST_ADAPTED)
-    ratio = np.where(clipped, np.maximum(ratio, 0), ratio)  # there the photo only says "at least"
+    encoded = mean_over_squares(pixels, min(pixels.shape[:2]) / _RING_CELLS, at_least=3)
+    ring = _ring(*encoded.shape[:2])
+    radiance = np.minimum(CameraResponse().radiance_from_pixel(encoded), MOST_SHOWN)
+    here = resample.sample_latlong(surroundings, _rays(plane, *ring.shape)[ring])
+    ratio = np.zeros(encoded.shape, np.float32)
+    ratio[ring] = np.log(np.maximum(radiance[ring], _DARKEST) / np.maximum(here, _DARKEST))
+    # Where the photo is clipped it only says "at least".
+    least = np.where(encoded > 0.9 * CLIPPED, 0, -_MOST_ADAPTED)
+    ratio = ratio.clip(least.astype(np.float32), np.float32(_MOST_ADAPTED))
+
     rows, columns, _ = surroundings.shape
-    texels = latlong.directions(rows, columns).reshape(-1, 3)
-    middle = normalised(directions.mean(0))
-    farthest = np.arccos((directions @ middle).min().clip(-1, 1)) + REACH_RAD
+    turns = _mirrored(plane)
+    part = rows // (2 if (-1, 1) in turns else 1), columns // (2 if (1, -1) in turns else 1)
+    reach = _reach(plane, ring.shape, (rows, columns), part)
+    ratios = np.concatenate([ratio[::down, ::across][ring] for down, across in turns], axis=1)
+    mean = (reach.weight @ ratios).reshape(-1, len(turns), 3)
+    fade = reach.fade[:, None, None]
+    # Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
+    factor = np.where(mean < 0, 1 - fade * (1 - np.exp(mean)), np.exp(fade * mean))
+    result = surroundings.copy()
+    for turn, (down, across) in enumerate(turns):
+        at_row, at_column = np.divmod(reach.near, part[1])
+        result[::down, ::across][at_row, at_column] *= factor[:, turn]
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Reach:
+    """How the texels near a photo take part in what its edge shows.
+
+    Attributes:
+        near: indices of the texels, in the part of the map that was asked for.
+        weight: of each cell of the edge; each texel's sum to 1.
+        fade: 1 at the edge, 0 at `REACH_RAD` from it.
+    """
+
+    near: Int[np.ndarray, " texels"]
+    weight: Float32[np.ndarray, "texels cells"]
+    fade: Float32[np.ndarray, " texels"]
+
+
+@lru_cache(maxsize=4)
+def _reach(
+    plane: ImagePlane, cells: tuple[int, int], size: tuple[int, int], part: tuple[int, int]
+) -> _Reach:
+    """The reach of a photo's edge into the upper left part of a map; kept for the next photo."""
+    edge = _rays(plane, *cells)[_ring(*cells)]
+    texels = latlong.directions(*size)[: part[0], : part[1]].reshape(-1, 3)
+    middle = normalised(edge.mean(0))
+    farthest = np.arccos((edge @ middle).min().clip(-1, 1)) + REACH_RAD
     near = np.flatnonzero(texels @ middle.astype(np.float32) > np.cos(min(farthest, np.pi)))
-    # The chord is as good as the angle, and cheaper; in place, since these are a million numbers.
-    squared = texels[near] @ (-2 * directions.T).astype(np.float32)
+    # The chord is as good as the angle, and cheaper; in place, since these are many numbers.
+    squared = texels[near] @ (-2 * edge.T).astype(np.float32)
     squared += 2
     away = 2 * np.arcsin(np.sqrt(squared.min(1).clip(0, 4)) / 2)
+    fade = smoothstep(1 - away / REACH_RAD)
     spacing = plane.shorter / _RING_CELLS
     squared += np.float32(spacing**2 / 4)
     weight = np.sqrt(squared)
     weight *= squared
     np.reciprocal(weight, out=weight)
-    fade = smoothstep(1 - away / REACH_RAD)[:, None]
-    mean = (weight @ ratio.astype(np.float32)) / weight.sum(1, keepdims=True)
-    factor = np.ones((rows * columns, 3), np.float32)
-    # Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
-    factor[near] = np.where(mean < 0, 1 - fade * (1 - np.exp(mean)), np.exp(fade * mean))
-    result: np.ndarray = surroundings * factor.reshape(rows, columns, 3)
-    return result
+    weight /= weight.sum(1, keepdims=True)
+    return _Reach(near, weight, fade.astype(np.float32))
 
 
-def _edge(
-    pixels: Float32[np.ndarray, "rows columns 3"], plane: ImagePlane
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Directions, linear radiance and whether it is clipped, of cells along the photo's edge."""
-    encoded = mean_over_squares(pixels, min(pixels.shape[:2]) / _RING_CELLS, at_least=3)
-    counts = encoded.shape[:2]
-    y = plane.top + (np.arange(counts[0]) + 0.5) * ((plane.bottom - plane.top) / counts[0])
-    x = plane.left + (np.arange(counts[1]) + 0.5) * ((plane.right - plane.left) / counts[1])
-    rays = normalised(np.stack([*np.meshgrid(x, y), np.full(counts, -1.0)], -1))
-    ring = np.ones(counts, bool)
+def _mirrored(plane: ImagePlane) -> list[tuple[int, int]]:
+    """Steps through rows and columns that turn one part of the sphere into all others like it:
+    seen from a photo around the axis, left and right, top and bottom are alike."""
+    downs = (1, -1) if plane.top == -plane.bottom else (1,)
+    acrosses = (1, -1) if plane.right == -plane.left else (1,)
+    return [(down, across) for down in downs for across in acrosses]
+
+
+def _rays(plane: ImagePlane, rows: int, columns: int) -> Float[np.ndarray, "rows columns 3"]:
+    """Directions of a photo's cells."""
+    y = plane.top + (np.arange(rows) + 0.5) * ((plane.bottom - plane.top) / rows)
+    x = plane.left + (np.arange(columns) + 0.5) * ((plane.right - plane.left) / columns)
+    return normalised(np.stack([*np.meshgrid(x, y), np.full((rows, columns), -1.0)], -1))
+
+
+def _ring(rows: int, columns: int) -> Bool[np.ndarray, "rows columns"]:
+    """The outermost cells."""
+    ring = np.ones((rows, columns), bool)
     ring[1:-1, 1:-1] = False
-    values = encoded[ring]
-    linear = np.minimum(CameraResponse().radiance_from_pixel(values), MOST_SHOWN)
-    return rays[ring], linear, values > 0.9 * CLIPPED
+    return ring
+
+
+@dataclass(frozen=True, eq=False)
+class _Tile:
+    """The part of `_spreading` for a few neighbouring texels, and the pixels they are mixed from."""
+
+    rows: slice
+    columns: slice
+    pixels: Int[np.ndarray, " pixels"]
+    kernel: Float32[np.ndarray, "texels pixels"]
 
 
 @lru_cache(maxsize=2)
-def _quarter(size: int) -> Float32[np.ndarray, "texels pixels"]:
-    """The part of `_spreading` for texels up and to the left: the others mirror it."""
+def _tiles(size: int) -> list[_Tile]:
+    """The spreading for texels up and to the left: the others mirror it.
+
+    By tiles, since a texel is mixed from the sixth of the ball that is near it.
+    """
     whole = _spreading(size).reshape(_ROWS, 2 * _ROWS, -1)
-    quarter = np.ascontiguousarray(whole[: _ROWS // 2, :_ROWS]).reshape(-1, size * size)
-    quarter.setflags(write=False)
-    return quarter
+    tiles = []
+    for top in range(0, _ROWS // 2, _TILE[0]):
+        for left in range(0, _ROWS, _TILE[1]):
+            rows, columns = slice(top, top + _TILE[0]), slice(left, left + _TILE[1])
+            kernel = whole[rows, columns].reshape(-1, size * size)
+            counts = kernel > _LEAST_WEIGHT * kernel.max(1, keepdims=True)
+            pixels = np.flatnonzero(counts.any(0))
+            tiles.append(_Tile(rows, columns, pixels, np.ascontiguousarray(kernel[:, pixels])))
+    return tiles
 
 
 def _spreading(size: int) -> Float32[np.ndarray, "texels pixels"]:

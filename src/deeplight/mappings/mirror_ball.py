@@ -61,9 +61,15 @@ def grid(size: int, supersample: int = 1) -> tuple[Float[np.ndarray, "n n"], ...
     return u, v
 
 
+@lru_cache(maxsize=16)
 def pixel_directions(size: int) -> Float[np.ndarray, "size size 3"]:
-    """Direction of every pixel centre; centres off the disc give the nearest rim direction."""
-    return directions_from_uv(*grid(size))
+    """Direction of every pixel centre; centres off the disc give the nearest rim direction.
+
+    Read-only.
+    """
+    result = directions_from_uv(*grid(size))
+    result.setflags(write=False)
+    return result
 
 
 def subpixels(
