@@ -183,10 +183,11 @@ def _checked(radiance: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray,
     if width != 2 * height or height < 4:
         got = f"{width} x {height}"
         raise ShapeError("a panorama twice as wide as high", got, "crop it to the full sphere")
-    if not np.isfinite(radiance).all():
+    least, power = float(radiance.min()), float(radiance.sum(dtype=np.float64))
+    if not np.isfinite([least, power]).all():  # float64 holds the sum of all that float32 holds
         raise ShapeError("finite radiance", "NaN or infinite values", "repair the picture")
-    negative = -float(radiance[radiance < 0].sum(dtype=np.float64))
-    power = float(radiance.sum(dtype=np.float64)) + 2 * negative
+    negative = -float(radiance[radiance < 0].sum(dtype=np.float64)) if least < 0 else 0.0
+    power += 2 * negative
     if negative > MOST_NEGATIVE * power:
         got = f"{negative / power:.0%} of it negative"
         raise ShapeError("radiance of at least 0", got, "give linear light, not a difference")

@@ -7,6 +7,7 @@ a clipped spot near it, that is the lamp, and its place and size are known.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -123,6 +124,13 @@ class ClippedArea:
     solid_angle: float
     mask: Bool[np.ndarray, "height width"]
 
+    @cached_property
+    def outline(self) -> Float32[np.ndarray, "texels 3"]:
+        """Directions of a few dozen of its texels: they show its shape well enough."""
+        rows, columns = np.divmod(np.flatnonzero(self.mask), self.mask.shape[1])
+        step = max(1, len(rows) // 64)
+        return latlong.directions(*self.mask.shape)[rows[::step], columns[::step]]
+
     @property
     def radius_rad(self) -> float:
         """Of the disc of the same solid angle."""
@@ -144,16 +152,18 @@ def clipped_areas(clipped: Float32[np.ndarray, "height width"], most: int = 8) -
     if not len(rows):
         return []
     box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    labels = np.full((height, width), -1)
-    labels[box] = _connected(on[box])
-    solid_angle = latlong.solid_angles(height, width)
-    areas = np.bincount(labels[on], solid_angle[on])
+    labels = _connected(on[box])
+    solid_angle = latlong.solid_angles(height, width)[box]
+    areas = np.bincount(labels[on[box]], solid_angle[on[box]])
+    directions = latlong.directions(height, width)[box]
     found = []
     for label in np.argsort(-areas)[:most]:
         if areas[label] <= 0:
             break
-        mask = labels == label
-        middle = (latlong.directions(height, width)[mask] * solid_angle[mask][:, None]).sum(0)
+        inside = labels == label
+        middle = (directions[inside] * solid_angle[inside][:, None]).sum(0)
+        mask = np.zeros((height, width), bool)
+        mask[box] = inside
         found.append(ClippedArea(normalised(middle.astype(float)), float(areas[label]), mask))
     return found
 
@@ -320,9 +330,7 @@ def _nearest_area(excess: Excess, areas: Sequence[ClippedArea]) -> Int[np.ndarra
     nearest = np.full(len(excess.directions), -1)
     best = np.full(len(excess.directions), np.cos(CATCH_RAD), np.float32)
     for number, area in enumerate(areas):
-        texels = latlong.directions(*area.mask.shape)[area.mask]
-        step = max(1, len(texels) // 64)  # a few dozen show its shape well enough
-        closeness = (excess.directions @ texels[::step].T).max(1)
+        closeness = (excess.directions @ area.outline.T).max(1)
         nearer = closeness > best
         nearest[nearer], best[nearer] = number, closeness[nearer]
     return nearest

@@ -1,11 +1,12 @@
 """The photo's own pixels on the sphere: what the camera saw is known, not estimated."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float32, Int, UInt8
 
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import CameraResponse
@@ -20,7 +21,12 @@ FEATHER = 0.03
 """Width of the photo's soft edge, as part of half its shorter side; at least 1.5 texels."""
 _PIXELS_PER_TEXEL = 2  # along a side: a finer photo is averaged first, still gamma-encoded
 _SAMPLES = 2  # along a side of a texel
+_KEPT_UP_TO = 512  # rows: what is kept of larger latlongs would be tens of megabytes
 _RESPONSE = CameraResponse()
+
+
+Taps = Sequence[tuple[Int[np.ndarray, "*batch"], Float32[np.ndarray, "*batch"]]]
+"""Pixels of a picture by their indices, and their weights."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +84,8 @@ class ProjectedPhoto:
         height, width = self.seen.shape
         if height % 64:
             return resample.shrink(self.seen[..., None], 64, 128)[..., 0]
-        blocks = self.seen.reshape(64, height // 64, 128, width // 128)
-        result: np.ndarray = blocks.mean((1, 3))
+        rows = self.seen.reshape(64, height // 64, width).mean(1)
+        result: np.ndarray = rows.reshape(64, 128, width // 128).mean(2)
         return result
 
 
@@ -95,23 +101,63 @@ def project_photo(
     """
     encoded = _reduced(pixels, plane, height)
     linear = np.minimum(_RESPONSE.radiance_from_pixel(encoded), MOST_SHOWN)
-    values = np.concatenate([linear, (encoded >= CLIPPED).astype(np.float32)], axis=-1)
+    clipped = (encoded >= CLIPPED).astype(np.float32)
+    found = _kept_samples if height <= _KEPT_UP_TO else _samples
+    samples = found(plane, height, encoded.shape[:2])
+    parts = np.zeros((2, height, 2 * height, 3), np.float32)
+    for part, values in zip(parts, (linear, clipped), strict=True):
+        for channel in range(3):
+            part[samples.rows, samples.columns, channel] = samples.means(values[..., channel])
+    seen = np.zeros((height, 2 * height), np.float32)
+    seen[samples.rows, samples.columns] = samples.seen
+    return ProjectedPhoto(parts[0], seen, parts[1], encoded)
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Where the texels that a photo may touch lie in it.
+
+    Attributes:
+        rows, columns: of these texels.
+        taps: (samples, texels) each; the four pixels around each sample, and their part of the
+            texel's mean over the samples that lie inside the photo.
+        seen: as of `ProjectedPhoto`.
+    """
+
+    rows: Int[np.ndarray, " texels"]
+    columns: Int[np.ndarray, " texels"]
+    taps: tuple[
+        tuple[Int[np.ndarray, "samples texels"], Float32[np.ndarray, "samples texels"]], ...
+    ]
+    seen: Float32[np.ndarray, " texels"]
+
+    def means(
+        self, values: Float32[np.ndarray, "photo_rows photo_columns"]
+    ) -> Float32[np.ndarray, " texels"]:
+        """The mean of one channel over each texel."""
+        flat = np.ascontiguousarray(values).ravel()
+        total: np.ndarray = sum(flat.take(at) * weight for at, weight in self.taps)
+        result: np.ndarray = total.sum(0)
+        return result
+
+
+def _samples(plane: ImagePlane, height: int, photo_size: tuple[int, int]) -> _Samples:
+    """Find the samples of a photo of `photo_size` pixels in a latlong of `height` rows."""
     rows, columns = _touched(plane, height)
-    x, y = (part.astype(np.float32) for part in _plane_positions(rows, columns, height))
+    x, y = (part.T.astype(np.float32) for part in _plane_positions(rows, columns, height))
     to_side = np.minimum(x - plane.left, plane.right - x)
     to_end = np.minimum(y - plane.bottom, plane.top - y)
     inside = ((to_side >= 0) & (to_end >= 0)).astype(np.float32)
     across = (x - plane.left) / (plane.right - plane.left)
     down = (plane.top - y) / (plane.top - plane.bottom)
-    means = np.einsum("tsc,ts->tc", _looked_up(values, across, down), inside)
-    means /= np.maximum(inside.sum(1), 1)[:, None]
+    share = inside / np.maximum(inside.sum(0), 1)
+    taps = [(at, weight * share) for at, weight in _bilinear(across, down, photo_size)]
     edge = max(FEATHER * plane.shorter / 2, 1.5 * np.pi / height)
     soft = smoothstep(to_side / edge) * smoothstep(to_end / edge)
-    parts = np.zeros((2, height, 2 * height, 3), np.float32)
-    parts[0, rows, columns], parts[1, rows, columns] = means[:, :3], means[:, 3:]
-    seen = np.zeros((height, 2 * height), np.float32)
-    seen[rows, columns] = soft.mean(1)
-    return ProjectedPhoto(parts[0], seen, parts[1], encoded)
+    return _Samples(rows, columns, tuple(taps), soft.mean(0))
+
+
+_kept_samples = lru_cache(maxsize=4)(_samples)  # the next photo is often the same camera's
 
 
 def _reduced(
@@ -160,21 +206,27 @@ def _plane_positions(
     return tangent[columns], cotangent[rows] * longer[columns]
 
 
-def _looked_up(values: np.ndarray, across: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """Bilinear values at positions 0 to 1 from the upper left; outside, the edge goes on."""
-    height, width, _ = values.shape
+def _bilinear(
+    across: Float32[np.ndarray, "*batch"],
+    down: Float32[np.ndarray, "*batch"],
+    size: tuple[int, int],
+) -> Taps:
+    """Indices and weights of the four pixels around positions 0 to 1 from the upper left of a
+    picture; outside, the edge goes on."""
+    height, width = size
     column = np.clip(across * width - 0.5, 0, width - 1)
     row = np.clip(down * height - 0.5, 0, height - 1)
-    left = np.minimum(column.astype(np.int32), width - 2)
-    top = np.minimum(row.astype(np.int32), height - 2)
+    left = np.minimum(column.astype(np.intp), width - 2)
+    top = np.minimum(row.astype(np.intp), height - 2)
     right_part = (column - left).astype(np.float32)
     low_part = (row - top).astype(np.float32)
-    flat, first = values.reshape(height * width, -1), top * width + left
-    found: np.ndarray = flat[first] * ((1 - right_part) * (1 - low_part))[..., None]
-    found += flat[first + 1] * (right_part * (1 - low_part))[..., None]
-    found += flat[first + width] * ((1 - right_part) * low_part)[..., None]
-    found += flat[first + width + 1] * (right_part * low_part)[..., None]
-    return found
+    first = top * width + left
+    return [
+        (first, (1 - right_part) * (1 - low_part)),
+        (first + 1, right_part * (1 - low_part)),
+        (first + width, (1 - right_part) * low_part),
+        (first + width + 1, right_part * low_part),
+    ]
 
 
 def smoothstep(t: np.ndarray) -> np.ndarray:

@@ -32,6 +32,7 @@ REACH_RAD = float(np.radians(40))
 """So far from the photo's edge the map is adapted to it."""
 _TILE = 4, 8  # texels of the map that are mixed at once
 _LEAST_WEIGHT = 1e-10  # of a texel's largest: the pixels of less are left out
+_BLAS_ALONE = 1 << 18  # multiplications of a product that OpenBLAS makes with one thread
 _MOST_ADAPTED = np.log(200.0)
 _DARKEST = 1e-3
 
@@ -121,7 +122,10 @@ def adapted(
     part = rows // (2 if (-1, 1) in turns else 1), columns // (2 if (1, -1) in turns else 1)
     reach = _reach(plane, ring.shape, (rows, columns), part)
     ratios = np.concatenate([ratio[::down, ::across][ring] for down, across in turns], axis=1)
-    mean = (reach.weight @ ratios).reshape(-1, len(turns), 3)
+    # By parts too small for BLAS to wake its threads: they wait for more in a busy loop.
+    parts = range(0, len(reach.near), _BLAS_ALONE // ratios.size)
+    means = [reach.weight[at : at + parts.step] @ ratios for at in parts]
+    mean = np.concatenate(means).reshape(-1, len(turns), 3)
     fade = reach.fade[:, None, None]
     # Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
     factor = np.where(mean < 0, 1 - fade * (1 - np.exp(mean)), np.exp(fade * mean))
@@ -195,7 +199,7 @@ def _ring(rows: int, columns: int) -> Bool[np.ndarray, "rows columns"]:
 
 @dataclass(frozen=True, eq=False)
 class _Tile:
-    """The part of `_spreading` for a few neighbouring texels, and the pixels they are mixed from."""
+    """The part of `_spreading` for a few neighbouring texels, and the pixels that they mix."""
 
     rows: slice
     columns: slice

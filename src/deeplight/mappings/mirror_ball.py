@@ -109,9 +109,12 @@ def coverage(size: int) -> Ball:
     return area
 
 
+@lru_cache(maxsize=16)
 def solid_angles(size: int) -> Ball:
-    """Solid angle of each pixel in sr: 16 / N^2 times its coverage; they sum to 4 pi."""
-    return coverage(size) * (16 / size**2)
+    """Solid angle of each pixel in sr: 16 / N^2 times its coverage; they sum to 4 pi; read-only."""
+    result = coverage(size) * (16 / size**2)
+    result.setflags(write=False)
+    return result
 
 
 def _by_pixel(values: np.ndarray, size: int, supersample: int) -> np.ndarray:
