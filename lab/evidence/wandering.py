@@ -50,7 +50,7 @@ class Args:
     """Folder of HDR panoramas."""
     split: Literal["val", "test"] = "val"
     """Which places."""
-    clearly: tuple[float, ...] = (0.0, 1.1, 1.25, 1.5, 2.0, 3.0)
+    clearly: tuple[float, ...] = (0.0, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0)
     """How much brighter a place must be for the session's lamp to go there; 0: not steadily."""
 
 
