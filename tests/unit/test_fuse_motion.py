@@ -1,6 +1,7 @@
 """Rotations from a video's own metadata: both formats, clips turned to stand, contradictions."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from clips import write_clip
 from deeplight.errors import ImageFileError
 from deeplight.frames import Rotation, rotation, world_from_camera
 from deeplight.fuse.frame import SourceFrame
-from deeplight.fuse.motion import with_motion
+from deeplight.fuse.motion import contradiction, with_motion
 from deeplight.fuse.poses import angle_between
 from deeplight.io.camera_motion import CameraMotion, camera_motion_of
 from lab.pans import Pan, Troubles
@@ -159,3 +160,14 @@ def test_what_no_picture_can_confirm_is_believed_and_said(tmp_path: Path) -> Non
     frames, notes = with_motion(bare, clip, FOV)
     assert "too little to confirm" in notes[0]
     assert all(frame.world_from_camera is not None for frame in frames)
+
+
+@pytest.mark.parametrize("axes_deg", [0, 90])
+def test_poses_in_other_axes_are_said_to_contradict(axes_deg: int) -> None:
+    axes = rotation("z", np.radians(axes_deg))
+    frames = [
+        replace(shown, world_from_camera=frame.rotation @ axes)
+        for shown, frame in zip(source_frames(), pan().frames, strict=True)
+    ]
+    notes = contradiction(frames, FOV)
+    assert len(notes) == (1 if axes_deg else 0)

@@ -141,7 +141,7 @@ def _fused(
     from deeplight.estimators.open import open_model
     from deeplight.fuse.frame import frame_of
     from deeplight.fuse.fuse import FuseSettings, fuse_frames
-    from deeplight.fuse.motion import with_motion
+    from deeplight.fuse.motion import contradiction, with_motion
     from deeplight.fuse.poses import read_poses
     from deeplight.fuse.results import write_fused
     from deeplight.fuse.sources import read_frames
@@ -159,6 +159,8 @@ def _fused(
         frames = [frame for frame in posed if frame.world_from_camera is not None]
         if len(frames) < len(posed):
             notes.append(f"{len(posed) - len(frames)} without a pose left out")
+        said = frames[0].vertical_fov_rad if frames else None
+        notes += contradiction(frames, math.radians(args.fov) if args.fov else said)
     elif is_video(paths[0]):
         frames, found = with_motion(frames, paths[0], args.fov and math.radians(args.fov))
         notes += found

@@ -24,7 +24,6 @@ from deeplight.io.video import facts
 from deeplight.preprocess import frame_photo
 
 _PAIRS = 24  # of each kind that are matched
-_FEWEST_PAIRS = 3
 _NEAR_RAD, _LATER = radians(15), 8  # what looks the same way again, so many pictures later
 _WRONG_RAD, _DRIFT_RAD = radians(1.5), radians(5)
 """Medians of neighbours and of what looks the same way again, above which pictures are right."""
@@ -82,6 +81,28 @@ def with_motion(
     return _with_turns(frames, poses, fov_rad, f"{motion.format} metadata")
 
 
+def contradiction(frames: Sequence[SourceFrame], fov_rad: float | None) -> tuple[str, ...]:
+    """What to know of rotations that somebody gave: a line, if the pictures contradict them.
+
+    Args:
+        frames: with those rotations.
+        fov_rad: vertical field of view; None if unknown.
+    """
+    turns = [f.world_from_camera for f in frames if f.world_from_camera is not None]
+    if len(turns) < max(2, len(frames)):
+        return ()
+    pairs = _pairs(
+        frames, turns, fov_rad or frame_photo(*frames[0].pixels.shape[:2]).vertical_fov_rad
+    )
+    if not pairs:
+        return ()
+    check = _checked(pairs, turns, fov_rad is None)
+    if check.fits:
+        return ()
+    off = f"{degrees(check.wrong_rad):.1f} degrees"
+    return (f"the poses contradict the pictures by {off}: other axes, order, times or --fov?",)
+
+
 def _with_turns(
     frames: Sequence[SourceFrame],
     poses: Sequence[Sequence[Rotation]],
@@ -91,7 +112,7 @@ def _with_turns(
     """The frames with those of several rotations that fit the pictures, or without."""
     fov = fov_rad or frame_photo(*frames[0].pixels.shape[:2]).vertical_fov_rad
     pairs = _pairs(frames, poses[0], fov)
-    if len(pairs) < _FEWEST_PAIRS:
+    if not pairs:
         note = f"rotations from {source}, which the pictures show too little to confirm"
         return _placed(frames, poses[0], fov_rad), (note,)
     checks = [_checked(pairs, turns, fov_rad is None) for turns in poses]
