@@ -24,7 +24,10 @@ from deeplight.io.video import facts
 from deeplight.preprocess import frame_photo
 
 _PAIRS = 24  # of each kind that are matched
-_NEAR_RAD, _LATER = radians(15), 8  # what looks the same way again, so many pictures later
+_NEAR_RAD, _LATER = (
+    radians(15),
+    8,
+)  # what looks the same way again, at least that number of pictures later
 _WRONG_RAD, _DRIFT_RAD = radians(1.5), radians(5)
 """Medians of neighbours and of what looks the same way again, above which pictures are right."""
 _WRONG_SHARE, _NOISE_RAD = 0.3, radians(0.5)
