@@ -27,8 +27,11 @@ SPHERE = 132  # pixels across
 DARK_STOPS = -4.0
 """Exposure of the second environment: what is still bright there is a light source."""
 
-LABEL_GAP = 6
-"""Pixels between the labels of two lamps."""
+LABEL_GAP = 14
+"""Pixels between the words of two lamps' labels."""
+LINE, COLUMNS = 24, (92, 200)
+"""Of what is said of how sure the estimate is: pixels from line to line, and to the columns."""
+KNOWN = ("roughly known",)
 Box = tuple[float, float, float, float]  # left, upper, right, lower
 
 PAPER, INK, FAINT, ACCENT = (20, 22, 26), (236, 238, 242), (146, 152, 162), (255, 196, 61)
@@ -57,10 +60,8 @@ def preview(
     draw = ImageDraw.Draw(canvas)
     left = 2 * MARGIN + PHOTO_BOX[0]
     draw.text((MARGIN, 24), _shortened(title, 40), INK, _font(22))
-    _draw_photo(canvas, estimate.photo, estimate.framing)
-    for number, line in enumerate(confidence[:4]):
-        y = HEIGHT - 24 * (min(len(confidence), 4) - number) - 14
-        draw.text((MARGIN, y), _shortened(line, 68), INK if number == 0 else FAINT, _font(15))
+    below_photo = _draw_photo(canvas, estimate.photo, estimate.framing)
+    _say_how_sure(draw, confidence[:4], below_photo)
     draw.text((left, 24), "its light from all directions", INK, _font(22))
     caption = "as the camera exposed it; centre = the view"
     draw.text((WIDTH - MARGIN, 28), caption, FAINT, _font(16), anchor="ra")
@@ -73,8 +74,22 @@ def preview(
     return np.asarray(canvas)
 
 
-def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> None:
-    """Draw the photo with what the network saw outlined and the rest dimmed."""
+def _say_how_sure(draw: ImageDraw.ImageDraw, lines: Sequence[str], top: int) -> None:
+    """What is known of the light, in columns: "direction: roughly known (two of three ...)"."""
+    for number, line in enumerate(lines):
+        y = top + LINE * number
+        name, colon, rest = line.partition(": ")
+        word, bracket, explained = rest.partition(" (")
+        if not (colon and bracket):
+            draw.text((MARGIN, y), _shortened(line, 68), INK, _font(15))
+            continue
+        draw.text((MARGIN, y), name, FAINT, _font(15))
+        draw.text((MARGIN + COLUMNS[0], y), word, INK if word in KNOWN else ACCENT, _font(15))
+        draw.text((MARGIN + COLUMNS[1], y), explained.rstrip(")"), FAINT, _font(15))
+
+
+def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> int:
+    """Draw the photo with what the network saw outlined and the rest dimmed; where it ends."""
     height, width, _ = photo.pixels.shape
     scale = min(PHOTO_BOX[0] / width, PHOTO_BOX[1] / height)
     step = max(1, int(0.5 / scale))  # a dozen megapixels need not all be copied
@@ -86,7 +101,7 @@ def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> None:
     dimmed = Image.blend(small, Image.new("RGB", size, PAPER), 0.55)
     x0, y0, x1, y1 = (round(value) for value in box)
     dimmed.paste(small.crop((x0, y0, x1, y1)), (x0, y0))
-    left = MARGIN + (PHOTO_BOX[0] - size[0]) // 2
+    left = MARGIN
     canvas.paste(dimmed, (left, 64))
     draw = ImageDraw.Draw(canvas)
     # Of a very narrow photo, or at a huge field of view, less than a pixel may be left.
@@ -96,6 +111,7 @@ def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> None:
     if framing.visible_fraction < 1:
         caption += f" ({framing.visible_fraction:.0%} of its view)"
     draw.text((MARGIN, 64 + size[1] + 12), caption, FAINT, _font(16))
+    return 64 + size[1] + 12 + 2 * LINE
 
 
 def draw_spheres(canvas: Image.Image, environment: Environment, left: int, top: int) -> None:
@@ -175,10 +191,12 @@ def _mark_lamps(
             label += ", direction not known"
         to_left = x > at[0] + width / 2
         anchor = "rm" if to_left else "lm"
-        across = x - size - 8 if to_left else x + size + 8
+        across = x - size - 14 if to_left else x + size + 14
         taken.append(_free(draw.textbbox((across, y), label, _font(16), anchor), taken, at[1]))
-        spot = (across, (taken[-1][1] + taken[-1][3]) / 2)
-        draw.text(spot, label, INK, _font(16), anchor=anchor, stroke_width=2, stroke_fill=PAPER)
+        left, upper, right, lower = taken[-1]
+        around = (left - 6, upper - 4, right + 6, lower + 4)
+        draw.rounded_rectangle(around, 5, fill=PAPER)  # a white sky would swallow bare letters
+        draw.text((across, (upper + lower) / 2), label, INK, _font(16), anchor=anchor)
 
 
 def _free(box: Box, taken: Sequence[Box], top: float) -> Box:
