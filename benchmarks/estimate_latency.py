@@ -1,11 +1,12 @@
 """How long a 12-megapixel JPEG takes to its light and environment, against decoding it whole.
 
-    python benchmarks/estimate_latency.py [--model FILE] [--rounds 15]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/estimate_latency.py [--model FILE] [--rounds 15]
 
 "light" is what the network gives, "environment" the panorama of 256 x 512 with the photo in it, one
-thread each. In every round each is timed in turn, so other work on the machine slows all alike;
-times are the process's own, and ratios are medians over the rounds. The light is compared with that
-of the whole photo: mean difference of ln radiance over the ball.
+thread each (OpenBLAS's others wait in a busy loop, which would count). In every round each is timed
+in turn, so other work on the machine slows all alike; times are the process's own, and ratios are
+medians over the rounds. The light is compared with that of the whole photo: mean difference of ln
+radiance over the ball.
 """
 
 import argparse
@@ -26,7 +27,7 @@ from deeplight.io.photos import read_photo
 
 PHOTO = Path(__file__).resolve().parents[1] / "examples/photos/pagoda.jpg"
 SIZES = {"upright": (3024, 4032), "on its side (EXIF 6)": (4032, 3024)}
-PROMISED = {"light": 0.75, "environment": 1.2}
+PROMISED = {"light": 0.75, "environment": 1.05}
 """Ratios above which something has become slow; the goals are 0.45 and 0.8."""
 
 

@@ -60,6 +60,7 @@ def denoised(
     cover: Float[np.ndarray, "height width"],
     features: Float[np.ndarray, "height width n"],
     sharp: Float[np.ndarray, "height width"] | float = 0.0,
+    step: int = 1,
 ) -> Float[np.ndarray, "height width 3"]:
     """Average the objects' radiance over neighbours of like surface.
 
@@ -70,17 +71,20 @@ def denoised(
         radiance, features: times the cover; features are albedo and normal.
         cover: share of the pixel.
         sharp: share that reflects like a mirror, where even a crease shows a picture.
+        step: pixels from neighbour to neighbour.
 
     Returns:
         Radiance, again times the cover.
     """
     padded = np.concatenate([radiance, cover[..., None], features], axis=-1)
-    padded = np.pad(padded, [(_REACH, _REACH), (_REACH, _REACH), (0, 0)])
+    reach = step * _REACH
+    padded = np.pad(padded, [(reach, reach), (reach, reach), (0, 0)])
     height, width = cover.shape
     own = features / np.maximum(cover, 1e-6)[..., None]
     around = [
         padded[down : down + height, right : right + width]
-        for down, right in np.ndindex(2 * _REACH + 1, 2 * _REACH + 1)
+        for down in range(0, 2 * reach + 1, step)
+        for right in range(0, 2 * reach + 1, step)
     ]
     apart = np.stack([_apart(other[..., 3], other[..., 4:], own) for other in around])
     nearest = np.partition(apart, _FEWEST - 1, axis=0)[_FEWEST - 1]
