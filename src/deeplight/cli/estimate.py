@@ -54,9 +54,9 @@ class Args:
     """Write what the network estimates alone: no photo in it, no lamps."""
     lamps_apart: bool = False
     """Leave the lamps out of the environment, for who adds them as lights from the JSON."""
-    fill: Literal["any", "indoor", "outdoor"] | None = None
-    """Make up detail of such a place where the photo does not look, so that reflections look like
-    one; the light itself stays the same."""
+    fill: Literal["photo", "any", "indoor", "outdoor", "none"] = "photo"
+    """What reflections show where the photo does not look: the photo's own rows going on, detail of
+    a real place of that kind, or none; the power of the light stays the same."""
     seen: bool = False
     """Write what the photo shows, 0 to 1, as a further channel `seen` of the .exr."""
     hdr: bool = False
@@ -96,7 +96,7 @@ def run(args: Args) -> None:
         hdr=args.hdr,
         seen_channel=args.seen,
         sun=_sun_hint(args),
-        fill=args.fill,
+        fill=None if args.fill == "none" else args.fill,
     )
     estimator = open_model(args.model)
     if args.calibrated != "matching" and estimator.calibration is None:

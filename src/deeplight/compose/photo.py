@@ -11,7 +11,7 @@ from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.trace import Progress
 from deeplight.environment import Environment
 from deeplight.estimators.estimate import load_estimator
-from deeplight.estimators.fill import Kind
+from deeplight.estimators.fill import Fill
 from deeplight.estimators.sun import SunHint, scene_in_sun
 from deeplight.estimators.sureness import glow_rad, soft_note
 from deeplight.io.photo_like import as_photo
@@ -26,7 +26,7 @@ def compose_photo(
     settings: ComposeSettings | None = None,
     stops: float = 0.0,
     sun: SunHint | None = None,
-    fill: Kind | None = None,
+    fill: Fill | None = "photo",
     progress: Progress = lambda done, total: None,
 ) -> Composed:
     """Put objects into a photo, lit by its own light, with their shadow on its own surface.
@@ -41,8 +41,10 @@ def compose_photo(
         stops: make the light brighter by this number of doublings.
         sun: where the sun stands; left out, where the photo's EXIF data say, if they do. Only for
             an estimated light.
-        fill: "indoor", "outdoor" or "any": reflections show made-up detail of such a place where
-            the photo does not look. Only for an estimated light.
+        fill: what reflections show where the photo does not look: "photo", its own rows going on to
+            both sides; "indoor", "outdoor" or "any", detail of a real place of that kind; None
+            leaves it smooth. The power of the light stays the same. Only for an
+            estimated light.
         progress: called with (rays done, rays in all).
 
     Returns:

@@ -13,7 +13,7 @@ from deeplight.estimators.environment import (
     check_height,
     pixels_for,
 )
-from deeplight.estimators.fill import Kind
+from deeplight.estimators.fill import Fill
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.results import OutputSpec, write_results
 from deeplight.estimators.sources import Source, find_sources
@@ -36,7 +36,7 @@ class BatchSettings:
         hdr: also write Radiance RGBE.
         seen_channel: also write what the photo shows as a channel of the .exr.
         sun: where the sun stands; None places it by EXIF data where it has both.
-        fill: make up detail of this kind of place where the photo does not look.
+        fill: what to show where the photo does not look; see `estimators.fill`.
 
     Raises:
         ConfigError: a value that cannot be, or options that exclude each other.
@@ -50,14 +50,15 @@ class BatchSettings:
     hdr: bool = False
     seen_channel: bool = False
     sun: SunHint | None = None
-    fill: Kind | None = None
+    fill: Fill | None = "photo"
 
     def __post_init__(self) -> None:
         if self.fov_deg is not None and not 0 < self.fov_deg < 180:
             got = f"{self.fov_deg:g}"
             raise ConfigError("--fov between 0 and 180 degrees", got, "correct it")
         check_height(self.height)
-        with_photo = self.lamps_apart or self.seen_channel or self.sun or self.fill
+        with_photo = self.lamps_apart or self.seen_channel or self.sun
+        with_photo = with_photo or self.fill not in (None, "photo")
         if self.light_only and with_photo:
             got = "--light-only, which has no lamps and no photo"
             raise ConfigError(

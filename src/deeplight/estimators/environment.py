@@ -6,11 +6,12 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
 
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError
-from deeplight.estimators.fill import Kind, filled
+from deeplight.estimators.continuation import continued, up_of
+from deeplight.estimators.fill import Fill, filled
 from deeplight.estimators.lamps import find_lamps
 from deeplight.estimators.network import NETWORK_SIDE, Estimate
 from deeplight.estimators.projection import ImagePlane, project_photo
@@ -22,6 +23,7 @@ from deeplight.estimators.surroundings import (
     power_of,
     smooth_map,
 )
+from deeplight.io.tilt import tilt_of
 from deeplight.lamp import Lamp, add_lamps
 from deeplight.lighting import Lighting
 from deeplight.lobe import concentration_of
@@ -34,6 +36,9 @@ PIXELS_PER_ROW = 3.5
 HEIGHTS = (64, 2048)
 """The fewest and the most; a number between them must be a multiple of 2, for quarter turns."""
 
+ITSELF = "the photo itself"
+"""Whose detail is shown where the photo does not look, by default."""
+
 _SHOWN = 0.5  # of the texel that a lamp's middle falls into
 
 
@@ -45,7 +50,8 @@ class SceneLight:
         rest: the panorama without the lamps, linear, camera frame.
         lamps: compact lights, the strongest first; not in `rest`.
         seen: 0 to 1, how much of a texel the photo shows; elsewhere the light is estimated.
-        detail_of: the place whose detail was made up where nothing is seen; None if none was.
+        detail_of: whose detail was made up where nothing is seen, `ITSELF` or a place of the
+            library; None if none was.
     """
 
     rest: Float32[np.ndarray, "height width 3"]
@@ -85,14 +91,15 @@ class SceneLight:
         return replace(self, rest=rest, lamps=tuple(kept))
 
 
-def scene_light(estimate: Estimate, height: int = HEIGHT, fill: Kind | None = None) -> SceneLight:
+def scene_light(
+    estimate: Estimate, height: int = HEIGHT, fill: Fill | None = "photo"
+) -> SceneLight:
     """Put a photo into the light that was estimated from it.
 
     Args:
         estimate: of `NetworkEstimator.explain`.
         height: rows of the panorama, 64 to 2048.
-        fill: make up detail of this kind of place where the photo does not look; see
-            `estimators.fill`.
+        fill: what to show where the photo does not look; see `estimators.fill`.
 
     Raises:
         ConfigError: another number of rows.
@@ -101,7 +108,8 @@ def scene_light(estimate: Estimate, height: int = HEIGHT, fill: Kind | None = No
     pixels, fov = estimate.photo.pixels, estimate.framing.vertical_fov_rad
     height_px, width_px, _ = pixels.shape
     plane = ImagePlane.centred(height_px, width_px, fov)
-    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill)
+    up = up_of(tilt_of(estimate.photo.source), estimate.heads)
+    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill, up)
 
 
 def pixels_for(height: int) -> int:
@@ -123,7 +131,8 @@ def assemble(
     plane: ImagePlane,
     height: int = HEIGHT,
     lamps: Sequence[Lamp] = (),
-    fill: Kind | None = None,
+    fill: Fill | None = "photo",
+    up: Float[np.ndarray, "3"] | None = None,
 ) -> SceneLight:
     """Put a photo that fills `plane` into a light estimated from it.
 
@@ -137,18 +146,23 @@ def assemble(
         plane: where they lie before the camera.
         height: rows of the panorama.
         lamps: the network's own, which the estimate holds.
-        fill: make up detail of this kind of place where the photo does not look.
+        fill: what to show where the photo does not look; see `estimators.fill`.
+        up: unit vector, camera frame; without it the photo does not go on.
     """
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
     around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
-    rest = enlarged(adapted(around, photo.pixels, plane), height)
+    around = adapted(around, photo.pixels, plane)
+    goes_on = fill == "photo" and up is not None
+    if goes_on:
+        around = continued(around, photo, up)
+    rest = enlarged(around, height)
     box = photo.box
     known, around = photo.radiance[box], rest[box]
     known = known + photo.clipped[box] * np.maximum(around - known, 0) + found.areas[box]
     rest[box] += (known - around) * photo.seen[box][..., None]
-    if fill is None:
-        return SceneLight(rest, found.lamps, photo.seen)
+    if fill is None or fill == "photo":
+        return SceneLight(rest, found.lamps, photo.seen, ITSELF if goes_on else None)
     rich, place = filled(rest, photo.seen, fill)
     unseen = 1 - photo.seen[..., None]
     rich = kept_power(rich * unseen, power_of(rest * unseen)) + rest * photo.seen[..., None]

@@ -8,7 +8,7 @@ from deeplight.environment import Environment
 from deeplight.errors import ImageFileError, InputError
 
 if TYPE_CHECKING:
-    from deeplight.estimators.fill import Kind
+    from deeplight.estimators.fill import Fill
     from deeplight.estimators.network import NetworkEstimator
 
 BATCH = 16
@@ -18,7 +18,7 @@ _default: list["NetworkEstimator"] = []
 
 
 def estimate(
-    photo: Any, fov_deg: float | None = None, height: int = 256, *, fill: "Kind | None" = None
+    photo: Any, fov_deg: float | None = None, height: int = 256, *, fill: "Fill | None" = "photo"
 ) -> Environment:
     """Estimate the light of a photo with the shipped model.
 
@@ -32,8 +32,9 @@ def estimate(
         fov_deg: vertical field of view of the upright photo in degrees. Left out, it is taken from
             EXIF data, and without those the long side is assumed to span 66 degrees.
         height: rows of the environment, 64 to 2048.
-        fill: "indoor", "outdoor" or "any": make up detail of such a place where the photo does not
-            look, for reflections; the light at low frequencies stays the same.
+        fill: what reflections show where the photo does not look: "photo", its own rows going on to
+            both sides; "indoor", "outdoor" or "any", detail of a real place of that kind; None
+            leaves it smooth. The power of the light stays the same.
 
     Returns:
         Radiance from all directions relative to the camera's white, in the photo's camera frame:
@@ -172,7 +173,7 @@ def _environments(
     photos: list[Any],
     fov_deg: float | None,
     height: int,
-    fill: "Kind | None" = None,
+    fill: "Fill | None" = "photo",
 ) -> list[Environment]:
     from deeplight.estimators.environment import check_height, pixels_for, scene_light
     from deeplight.io.photo_like import as_photo

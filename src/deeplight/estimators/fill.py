@@ -32,6 +32,9 @@ _COLOUR_COUNTS = 0.5
 _STRAY = 1e-4
 
 Kind = Literal["any", "indoor", "outdoor"]
+Fill = Literal["photo", "any", "indoor", "outdoor"]
+"""What the directions that no photo saw are filled with: the photo's own rows going on
+(`estimators.continuation`), or a place of the library. None leaves them smooth."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Any
 
 from deeplight.environment import Environment
 from deeplight.estimators.confidence import confidence_of
-from deeplight.estimators.environment import SceneLight
+from deeplight.estimators.environment import ITSELF, SceneLight
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.preview import preview
 from deeplight.estimators.sureness import camera_record, sureness_of
@@ -131,6 +131,8 @@ def _elsewhere(scene: SceneLight) -> dict[str, Any]:
     """What the environment is where the photo does not look."""
     if scene.detail_of is None:
         return {"elsewhere": "estimated"}
+    if scene.detail_of == ITSELF:
+        return {"elsewhere": "estimated, its detail the photo's, continued"}
     return {"elsewhere": "estimated, its detail invented", "detail_of": scene.detail_of}
 
 

@@ -18,7 +18,7 @@ from deeplight.camera_response import LUMINANCE
 from deeplight.edit import direction_of
 from deeplight.errors import ConfigError, MissingExtraError
 from deeplight.estimators.environment import HEIGHT, SceneLight, scene_light
-from deeplight.estimators.fill import Kind
+from deeplight.estimators.fill import Fill
 from deeplight.estimators.network import Estimate
 from deeplight.frames import Rotation
 from deeplight.io.tilt import Tilt, tilt_of
@@ -151,7 +151,10 @@ def find_sun(estimate: Estimate, scene: SceneLight, hint: SunHint | None) -> Fou
 
 
 def scene_in_sun(
-    estimate: Estimate, hint: SunHint | None = None, height: int = HEIGHT, fill: Kind | None = None
+    estimate: Estimate,
+    hint: SunHint | None = None,
+    height: int = HEIGHT,
+    fill: Fill | None = "photo",
 ) -> tuple[SceneLight, FoundSun | None]:
     """Put a photo into its light as `scene_light` does, its sun where `find_sun` finds it."""
     scene = scene_light(estimate, height, fill)

@@ -56,11 +56,13 @@ class NamedModel:
         """Give ln radiance for the data set's pictures, in [-0.5, 0.5]."""
         return self.network.estimate_inputs(self._own_views(inputs))
 
-    def estimate_with_lamps(
+    def estimate_fully(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
-    ) -> tuple[Float32[np.ndarray, "batch size size 3"], list[tuple[Lamp, ...]]]:
-        """The same with the network's lamps, which the ln radiance holds."""
-        return self.network.estimate_with_lamps(self._own_views(inputs))
+    ) -> tuple[
+        Float32[np.ndarray, "batch size size 3"], list[tuple[Lamp, ...]], list[dict[str, float]]
+    ]:
+        """The same with the network's lamps, which the ln radiance holds, and its heads."""
+        return self.network.estimate_fully(self._own_views(inputs))
 
     def _own_views(self, inputs: Float32[np.ndarray, "batch 3 height width"]) -> np.ndarray:
         contract = self.network.contract

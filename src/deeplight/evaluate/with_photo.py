@@ -6,8 +6,9 @@ from jaxtyping import Float32, Int64
 from deeplight.camera import BACKGROUND_HEIGHT, BACKGROUND_WIDTH
 from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError
+from deeplight.estimators.continuation import up_of
 from deeplight.estimators.environment import assemble
-from deeplight.estimators.fill import Kind
+from deeplight.estimators.fill import Fill
 from deeplight.estimators.projection import ImagePlane
 from deeplight.evaluate.models import NamedModel
 from deeplight.lighting import Lighting
@@ -19,7 +20,7 @@ DARKEST = 1e-6  # radiance: black still has a logarithm
 class WithPhoto:
     """A network whose answer is its environment, photo and lamps in it, on the mirror ball."""
 
-    def __init__(self, network: NamedModel, fill: Kind | None = None) -> None:
+    def __init__(self, network: NamedModel, fill: Fill | None = "photo") -> None:
         self._network, self._fill = network, fill
         whole = ModelContract()
         self._plane = ImagePlane(-whole.right, whole.right, whole.bottom, whole.top)
@@ -27,7 +28,8 @@ class WithPhoto:
     @property
     def name(self) -> str:
         """What tables call it."""
-        return f"{self._network.name} with the photo" + (" and detail" if self._fill else "")
+        more = {"photo": "", None: ", not continued"}.get(self._fill, " and detail")
+        return f"{self._network.name} with the photo{more}"
 
     def estimate_inputs(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
@@ -43,11 +45,11 @@ class WithPhoto:
             raise ConfigError(expected, got, "measure without the photo")
         levels: Int64[np.ndarray, "batch 3 height width"] = np.round((inputs + 0.5) * 255)
         pictures = levels.transpose(0, 2, 3, 1).astype(np.uint8)
-        answers, lamps = self._network.estimate_with_lamps(inputs)
+        answers, lamps, heads = self._network.estimate_fully(inputs)
         lights = [Lighting.from_log_radiance(answer) for answer in answers]
         balls = [
-            assemble(light, picture, self._plane, HEIGHT, own, self._fill)
-            for light, picture, own in zip(lights, pictures, lamps, strict=True)
+            assemble(light, picture, self._plane, HEIGHT, own, self._fill, up_of(None, said))
+            for light, picture, own, said in zip(lights, pictures, lamps, heads, strict=True)
         ]
         radiance = np.stack([scene.environment.lighting.radiance for scene in balls])
         return np.log(np.maximum(radiance, DARKEST)).astype(np.float32)
