@@ -36,7 +36,6 @@ from deeplight.frames import world_from_camera
 from deeplight.io.basis_file import save_bases
 from deeplight.io.photos import decode_rgb, encode_jpeg
 from deeplight.io.radiance import write_exr
-from deeplight.lamp import Lamp
 from deeplight.reflectance import ReflectanceBasis, analytic_basis, rig_bases
 from deeplight.solve import SphereCounts, solve_constant
 from deeplight.sphere import PAPER_RIG
@@ -119,8 +118,8 @@ class Knowing(OnnxEstimator):
         values = np.round((inputs.mean((1, 2, 3)) + 0.5) * 255).astype(int)
         return np.stack([log_light(value) for value in values])
 
-    def estimate_with_lamps(self, inputs: np.ndarray) -> tuple[np.ndarray, list[tuple[Lamp, ...]]]:
-        return self.estimate_inputs(inputs), [()] * len(inputs)
+    def estimate_fully(self, inputs: np.ndarray) -> tuple[Any, ...]:
+        return self.estimate_inputs(inputs), [()] * len(inputs), [{}] * len(inputs)
 
 
 def mean_l1(report: scoring.Report, name: str) -> float:

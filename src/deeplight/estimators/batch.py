@@ -57,9 +57,8 @@ class BatchSettings:
             got = f"{self.fov_deg:g}"
             raise ConfigError("--fov between 0 and 180 degrees", got, "correct it")
         check_height(self.height)
-        with_photo = self.lamps_apart or self.seen_channel or self.sun
-        with_photo = with_photo or self.fill not in (None, "photo")
-        if self.light_only and with_photo:
+        filled = self.fill not in (None, "photo")
+        if self.light_only and (self.lamps_apart or self.seen_channel or self.sun or filled):
             got = "--light-only, which has no lamps and no photo"
             raise ConfigError(
                 "--lamps-apart, --seen, --sun, --fill with a photo in its light", got, "drop one"

@@ -20,14 +20,16 @@ from deeplight.mappings import latlong, resample
 
 WEIGHT = 0.6
 """Of the continued photo; the estimate has the rest. Chosen on validation places, where 0.5 to 0.7
-are as good (`benchmarks/photo_environment.py`)."""
-COLOUR = float(__import__('os').environ.get('COL','1'))
-NEAR=float(__import__('os').environ.get('NEAR','180'))
-FAR=float(__import__('os').environ.get('FAR','1'))
-NARROW=float(__import__('os').environ.get('NARROW','.75'))
-WEIGHT = float(__import__('os').environ.get('WEIGHT','.6'))
+are as good, as are colours whole or half (`benchmarks/photo_environment.py`)."""
+COLOUR = 0.7
+"""So much of what the continued photo changes in colour. All of it would turn the sky blue above an
+orange table, since the power of each channel is kept."""
+_DETAIL_TO_RAD, _DETAIL_LEFT = np.radians(70), 0.15
+"""So far from the photo its detail fades, to this share, into its row's mean: it is a place that
+goes on, not its things."""
 _SHOWN = 0.98  # of a texel, from which on it is a piece of the photo
 _LEAST_TURN_RAD = np.radians(15)  # of a row: less of it says nothing of the rest
+_LEAST_OF_WIDEST = 0.75  # a row that the photo's corners cut off is left out
 _FADE_RAD = np.radians(10)  # beyond the highest and the lowest row
 _GROUND_RAD = np.radians((10, 25))  # below the horizon: from here on the lowest row is ground
 _DARKEST = 1e-3
@@ -65,17 +67,17 @@ def continued(
     height, width, _ = surroundings.shape
     grid = latlong.directions(height, width)
     seen = resample.shrink(photo.seen[..., None], height, width)
-    both = np.concatenate([resample.shrink(photo.radiance, height, width), seen], -1)
-    strip = resample.sample_latlong(both, turned(grid, camera_from_level))
-    rows = _continued_rows(np.log(np.maximum(strip[..., :3], _DARKEST)), strip[..., 3] > _SHOWN)
+    rows = _continued_rows(*_level_photo(photo, seen, turned(grid, camera_from_level)))
     if rows is None:
         return surroundings
-    found = resample.sample_latlong(rows, turned(grid, camera_from_level.T)) * (1 - seen)
-    change = found[..., :3] - found[..., 3:4] * np.log(np.maximum(surroundings, _DARKEST))
-    grey = change.mean(-1, keepdims=True)
-    ratio = np.exp(grey + COLOUR * (change - grey))
+    found = resample.sample_latlong(rows, turned(grid, camera_from_level.T))
+    found *= 1 - seen
+    change = found[..., :3] - found[..., 3:] * np.log(np.maximum(surroundings, _DARKEST))
+    change *= np.float32(COLOUR)
+    change += change.mean(-1, keepdims=True) * np.float32(1 / COLOUR - 1)
     unseen = surroundings * (1 - seen)
-    result: np.ndarray = kept_power(unseen * ratio, power_of(unseen)) + surroundings * seen
+    result = kept_power(unseen * np.exp(change), power_of(unseen))
+    result += surroundings * seen
     return result
 
 
@@ -88,6 +90,24 @@ def _level(up: Float[np.ndarray, "3"]) -> Rotation | None:
     return np.stack([right, up, np.cross(right, up)], axis=1)
 
 
+def _level_photo(
+    photo: ProjectedPhoto,
+    seen: Float32[np.ndarray, "height width 1"],
+    directions: Float[np.ndarray, "height width 3"],
+) -> tuple[Float32[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
+    """ln radiance of the photo in the given directions of the camera frame, and where it shows
+    them."""
+    height, width, _ = seen.shape
+    shown = resample.sample_latlong(seen, directions)[..., 0] > _SHOWN
+    radiance = photo.radiance
+    if len(radiance) > 2 * height:  # looked up point by point, that would be noise
+        radiance = resample.shrink(radiance, height, width)
+    found = resample.sample_latlong(radiance, directions[shown])
+    logs = np.zeros((height, width, 3), np.float32)
+    logs[shown] = np.log(np.maximum(found, _DARKEST))
+    return logs, shown
+
+
 def _continued_rows(
     logs: Float32[np.ndarray, "rows columns 3"], shown: Bool[np.ndarray, "rows columns"]
 ) -> Float32[np.ndarray, "rows columns 4"] | None:
@@ -98,27 +118,26 @@ def _continued_rows(
     height, width = shown.shape
     first, last = _runs(shown)
     length = last - first
-    wide = length >= max(_LEAST_TURN_RAD * width / (2 * np.pi), NARROW * length.max())
-    if not wide.any():
+    least = _LEAST_TURN_RAD * width / (2 * np.pi)
+    known = np.flatnonzero(length >= max(least, _LEAST_OF_WIDEST * length.max()))
+    if not len(known):
         return None
-    known = np.flatnonzero(wide)
-    row = np.arange(height).clip(known[0], known[-1])
-    row = known[np.searchsorted(known, row)]
-    columns = _mirrored(first[row], last[row], width)
-    goes_on = np.take_along_axis(logs[row], columns[..., None], axis=1)
-    mean = np.stack([logs[r, first[r] : last[r] + 1].mean(0) for r in row])[:, None]
-    aside = np.maximum(first[row][:, None] - np.arange(width), np.arange(width) - last[row][:, None])
-    aside = np.maximum(aside, 0) * (2 * np.pi / width)
-    near = FAR + (1 - FAR) * smoothstep(1 - aside / np.radians(NEAR))
-    goes_on = mean + near[..., None] * (goes_on - mean)
+    row = known[np.searchsorted(known, np.arange(height).clip(known[0], known[-1]))]
+    first, last = first[row, None], last[row, None]
+    column = np.arange(width)
+    aside = np.maximum(np.maximum(first - column, column - last), 0) * (2 * np.pi / width)
+    mean = ((aside == 0)[..., None] * logs[row]).sum(1) / (last - first + 1)
     beyond = np.abs(np.arange(height) - row) * (np.pi / height)
-    fade = smoothstep(1 - beyond / _FADE_RAD)
-    lowest = (known[-1] + 0.5) * (np.pi / height) - np.pi / 2
+    fade = smoothstep(1 - beyond / _FADE_RAD)[:, None]
+    detail = fade * (_DETAIL_LEFT + (1 - _DETAIL_LEFT) * smoothstep(1 - aside / _DETAIL_TO_RAD))
+    lowest = (row + 0.5) * (np.pi / height) - np.pi / 2  # below the horizon
     ground = smoothstep((lowest - _GROUND_RAD[0]) / (_GROUND_RAD[1] - _GROUND_RAD[0]))
-    below = np.arange(height) > known[-1]
-    weight = WEIGHT * np.where(below, np.maximum(fade, ground), fade)[:, None, None]
+    ground[: known[-1]] = 0
+    weight = WEIGHT * np.maximum(ground[:, None], fade)[..., None]
+    again = logs.reshape(-1, 3)[row[:, None] * width + _mirrored(first, last, column)]
+    again += (detail[..., None] - 1) * (again - mean[:, None])
     result = np.empty((height, width, 4), np.float32)
-    result[..., :3] = weight * (mean + fade[:, None, None] * (goes_on - mean))
+    result[..., :3] = weight * again
     result[..., 3:] = weight
     return result
 
@@ -133,10 +152,11 @@ def _runs(shown: Bool[np.ndarray, "rows columns"]) -> tuple[np.ndarray, np.ndarr
 
 
 def _mirrored(
-    first: Int64[np.ndarray, " rows"], last: Int64[np.ndarray, " rows"], width: int
+    first: Int64[np.ndarray, "rows 1"],
+    last: Int64[np.ndarray, "rows 1"],
+    column: Int64[np.ndarray, " columns"],
 ) -> Int64[np.ndarray, "rows columns"]:
-    """For every column the one between first and last that it repeats, back and forth."""
-    span = (last - first + 1)[:, None]
-    along = (np.arange(width) - first[:, None]) % (2 * span)
-    return first[:, None] + np.where(along < span, along, 2 * span - 1 - along)
-
+    """For every column the one from first to last that it repeats, back and forth."""
+    span = last - first + 1
+    along = (column - first) % (2 * span)
+    return first + np.minimum(along, 2 * span - 1 - along)

@@ -152,17 +152,16 @@ def assemble(
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
     around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
-    around = adapted(around, photo.pixels, plane)
-    goes_on = fill == "photo" and up is not None
-    if goes_on:
-        around = continued(around, photo, up)
+    around, place = adapted(around, photo.pixels, plane), None
+    if fill == "photo" and up is not None:
+        around, place = continued(around, photo, up), ITSELF
     rest = enlarged(around, height)
     box = photo.box
     known, around = photo.radiance[box], rest[box]
     known = known + photo.clipped[box] * np.maximum(around - known, 0) + found.areas[box]
     rest[box] += (known - around) * photo.seen[box][..., None]
     if fill is None or fill == "photo":
-        return SceneLight(rest, found.lamps, photo.seen, ITSELF if goes_on else None)
+        return SceneLight(rest, found.lamps, photo.seen, place)
     rich, place = filled(rest, photo.seen, fill)
     unseen = 1 - photo.seen[..., None]
     rich = kept_power(rich * unseen, power_of(rest * unseen)) + rest * photo.seen[..., None]
