@@ -211,6 +211,47 @@ test("everything works with the keyboard alone", async () => {
   await leave();
 });
 
+/** Runs before the page: keeps what it would do with files that the system opens it with. */
+function installed(): void {
+  const queue = {
+    setConsumer(take: (launch: { files: readonly { getFile(): Promise<File> }[] }) => void) {
+      Object.assign(window, {
+        openWith(name: string, type: string, text: string | null) {
+          const bytes = Uint8Array.from(atob(text ?? ""), (letter) => letter.charCodeAt(0));
+          const file = new File([bytes], name, { type });
+          take({ files: text === null ? [] : [{ getFile: () => Promise.resolve(file) }] });
+        },
+      });
+    },
+  };
+  Object.defineProperty(window, "launchQueue", { value: queue });
+}
+
+test("the installed page opens with a photo, then with a .glb, and with nothing", async () => {
+  const { page, leave } = await visit(browser, site.url, {
+    before: (of) => of.addInitScript(installed),
+  });
+  const manifest = await (await fetch(new URL("manifest.webmanifest", site.url))).json();
+  const [handler] = manifest.file_handlers;
+  expect(new URL(handler.action, site.url).href).toBe(site.url);
+  const openWith = (name: string, type: string, content: Buffer | null): Promise<void> => {
+    const endings: string[] = handler.accept[type];
+    expect(endings.some((ending) => name.endsWith(ending))).toBe(true); // the system asks it for these
+    const of = [name, type, content?.toString("base64") ?? null] as const;
+    // biome-ignore lint/suspicious/noExplicitAny: of `installed`
+    return page.evaluate((all) => (window as any).openWith(...all), of);
+  };
+  await openWith("none.jpg", "image/jpeg", null); // from the home screen
+  expect(await page.isVisible("#start")).toBe(true);
+  await openWith("pagoda.jpg", "image/jpeg", await readFile(PAGODA));
+  await page.waitForSelector("#viewer[data-light=whole]");
+  const { photo } = JSON.parse((await saved(page, "#save-json")).toString());
+  expect(photo.file).toBe("pagoda.jpg");
+  await openWith("box.glb", "model/gltf-binary", boxGlb());
+  await page.waitForSelector("#objects >> text=box.glb", { state: "attached" });
+  await leave();
+});
+
 test("a photo can be dropped, and the phone turned", async () => {
   const { page, leave } = await visit(browser, site.url);
   const text = (await readFile(PAGODA)).toString("base64");
