@@ -23,11 +23,13 @@ const browser = await chromium.launch({
 });
 
 const PHONE = [390, 844];
+/** How often plus is pressed, so that the object is seen well in a small picture. */
+const LARGER = 4;
 const shots = [
   { size: PHONE, show: async () => {} },
-  { size: PHONE, show: (page) => view(page, 1, "Bunny", "Matte silver", "material") },
+  { size: PHONE, show: (page) => view(page, 3, "Bunny", "Grey", "material") },
   { size: PHONE, show: live },
-  { size: [1280, 800], show: (page) => view(page, 3, "Teapot", "Glossy", null) },
+  { size: [1280, 800], show: (page) => view(page, 1, "Bunny", "Matte silver", null) },
   { size: [844, 390], show: (page) => view(page, 2, "Ball", "Mirror", null) },
 ];
 
@@ -40,10 +42,12 @@ async function view(page, example, object, material, tray) {
 async function live(page) {
   await page.click("#open-camera");
   await page.waitForSelector("#save-json:enabled", { state: "attached", timeout: 120_000 });
-  await choose(page, "Teapot", "Grey", null);
+  await choose(page, "Teapot", "Glossy", null);
 }
 
 async function choose(page, object, material, tray) {
+  await page.waitForSelector("#viewer[data-light=whole]", { timeout: 120_000 });
+  for (let i = 0; i < LARGER; i++) await page.locator("#view").press("+");
   await page.click('[data-tray="object"]');
   await page.getByText(object, { exact: true }).click();
   await page.click('[data-tray="material"]');
