@@ -117,6 +117,9 @@ export class FloorShadow {
       blendDst: SrcColorFactor,
       depthWrite: false,
       transparent: true,
+      polygonOffset: true, // what lies flat on the floor is seen, not its shadow
+      polygonOffsetFactor: 1,
+      polygonOffsetUnits: 1,
     });
     const floor = new Mesh(plane, material);
     floor.name = SHADOW_NAME;
