@@ -30,7 +30,6 @@ from deeplight.dataset import open_dataset
 from deeplight.estimators.onnx import shipped_model
 from deeplight.evaluate.scores import rendered_radiance, score
 from deeplight.io.atomic import replacing
-from deeplight.sphere import SPHERES
 from deeplight.training import devices
 from deeplight.training.adversary import Adversary
 from deeplight.training.augment import Inputs, turn_back
@@ -48,6 +47,7 @@ from lab.evidence.tuned_bench import Bench
 from lab.evidence.tuned_terms import WEIGHTS
 
 RATE, BATCH, DROPOUT, AVERAGE = 5e-4, 32, 0.3, 0.998
+DARKEST = 1e-4
 CRITIC_STEPS, CRITIC_BATCH, CRITIC_RATE = 200, 32, 3e-4
 FAST = AdversarialConfig(True, learning_rate_factor=1.0, form="non_saturating")
 ROWS = {
@@ -95,6 +95,8 @@ def main(args: Args) -> None:
     bench = Bench(frozen_views(network, sets[0], "val", cache), sets[0].bases(rig))
     learnt = [data.manifest_sha256 for data in sets]
     print(f"| term, step | {' | '.join(COLUMNS)} |\n|---{'|---' * len(COLUMNS)}|")
+    print_row("the shipped network", measured(bench, light_of(bench, network)))
+    print_row("the true light", measured(bench, np.log(np.maximum(bench.val.light, DARKEST))))
     found: dict[str, list[Mapping[str, float]]] = {}
     for seed in args.seeds:
         for name in args.rows:
@@ -105,9 +107,9 @@ def main(args: Args) -> None:
                 kept.parent.mkdir(exist_ok=True)
                 with replacing(kept) as temporary:
                     temporary.write_text(json.dumps(numbers))
-            for step, measured in json.loads(kept.read_text()).items():
-                found.setdefault(f"{name}, {step}", []).append(measured)
-                print_row(f"{name}, {step}, seed {seed}", measured)
+            for step, numbers in json.loads(kept.read_text()).items():
+                found.setdefault(f"{name}, {step}", []).append(numbers)
+                print_row(f"{name}, {step}, seed {seed}", numbers)
     for words, seeds in found.items():
         print_row(words, {name: fmean(numbers[name] for numbers in seeds) for name in COLUMNS})
 
@@ -169,18 +171,27 @@ class Contest:
         judged = Generator(NetworkConfig()).eval()
         judged.encoder = torch.nn.Identity()  # type: ignore[assignment]
         judged.load_state_dict(self.average.state)
-        with torch.no_grad():
-            answers = self.bench.answers(judged, 0)
-        scores = score(
-            rendered_radiance(self.bench.bases, answers), self.bench.filmed, self.bench.bases
-        )
-        l1 = {name: float(scores.l1[name].mean()) for name in SPHERES}
-        return {
-            "diffuse": l1["diffuse"], "silver": l1["matte_silver"], "mirror": l1["mirror"],
-            "colour, °": float(np.nanmean(scores.theta_rgb_deg)),
-            "detail": float(np.nanmedian(scores.more["mirror_detail"])),
-            "found out": found_out(self.bases, answers, self.bench.val),
-        }  # fmt: skip
+        return measured(self.bench, light_of(self.bench, judged))
+
+
+def light_of(bench: Bench, network: Generator) -> np.ndarray:
+    """ln radiance for every validation view."""
+    with torch.no_grad():
+        return bench.answers(network, 0)
+
+
+def measured(bench: Bench, answers: np.ndarray) -> dict[str, float]:
+    """Of ln radiance for every validation view, by the names of COLUMNS."""
+    scores = score(rendered_radiance(bench.bases, answers), bench.filmed, bench.bases)
+    return {
+        "diffuse": float(scores.l1["diffuse"].mean()),
+        "silver": float(scores.l1["matte_silver"].mean()),
+        "mirror": float(scores.l1["mirror"].mean()),
+        "colour, °": float(np.nanmean(scores.theta_rgb_deg)),
+        "detail": float(np.nanmedian(scores.more["mirror_detail"])),
+        "found out": found_out(RigBases.of([bench.bases]), answers, bench.val),
+        "D right": float("nan"),
+    }
 
 
 def adversary(term: AdversarialConfig, bases: RigBases, seed: int) -> Adversary:
