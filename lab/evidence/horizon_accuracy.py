@@ -2,8 +2,9 @@
 
 python -m lab.evidence.horizon_accuracy data/sim [--split val] [--frames 100]
 
-Simulated frames know how their camera was held. Prints, for frames with at least so much evidence,
-their number, median and 90 % of the pitch's error, the error of the usual assumption, and roll's.
+Simulated frames know how their camera was held. Prints, for frames with at least and with less than
+so much evidence, their number, median and 90 % of the pitch's error, the errors of the network's
+guess and of the usual assumption, and roll's.
 """
 
 import argparse
@@ -14,26 +15,33 @@ import numpy as np
 from deeplight.compose.ground import DEFAULT_PITCH_RAD
 from deeplight.compose.horizon import best_tilt
 from deeplight.dataset import Example, open_dataset
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.preprocess import normalise
 from lab.evidence.compose_evidence_pictures import full_frame, viewpoint
 
-EVIDENCE = (0, 6, 8, 9, 10, 15, 20)
+EVIDENCE = (9, 12, 15, 20)
 
 
 def main(args: argparse.Namespace) -> None:
     index = open_dataset(args.data).index(args.split)
     numbers = np.random.default_rng(1).permutation(len(index))[: args.frames]
-    rows = np.array([compared(index[int(number)]) for number in numbers])
+    network = OnnxEstimator()
+    rows = np.array([compared(index[int(number)], network) for number in numbers])
     rows = rows[np.isfinite(rows).all(1)]
     for least in EVIDENCE:
-        pitch, roll, assumed = rows[rows[:, 3] >= least, :3].T
-        if len(pitch):
-            errors = f"pitch {np.median(pitch):.1f} (90 %: {np.percentile(pitch, 90):.0f})"
-            usual = f"assumed {np.median(assumed):.1f}, roll {np.median(roll):.1f} degrees"
-            print(f"evidence {least:2}: {len(pitch):3} frames, {errors}, {usual}")
+        enough = rows[:, 4] >= least
+        for words, chosen in (("at least", enough), ("less than", ~enough)):
+            pitch, roll, guessed, assumed = (np.median(c) for c in rows[chosen, :4].T)
+            most = np.percentile(rows[chosen, 0], 90) if chosen.any() else np.nan
+            print(
+                f"evidence {words:9} {least:2}: {chosen.sum():3} frames, pitch {pitch:4.1f} "
+                f"(90 %: {most:.0f}), guessed {guessed:4.1f}, assumed {assumed:4.1f}, "
+                f"roll {roll:.1f} degrees"
+            )
 
 
-def compared(example: Example) -> tuple[float, float, float, float]:
-    """Errors in degrees of pitch, of roll and of the assumed pitch; the evidence."""
+def compared(example: Example, network: OnnxEstimator) -> tuple[float, ...]:
+    """Errors in degrees of pitch, of roll, of the network's and of the assumed pitch; evidence."""
     photo = full_frame(example, 1).copy()
     height, width, _ = photo.shape
     kept = len(example.background)
@@ -41,10 +49,12 @@ def compared(example: Example) -> tuple[float, float, float, float]:
     view = viewpoint(example, height, width)
     found = best_tilt(photo, view.camera)
     if found is None:
-        return (np.nan,) * 4
-    off = np.array([found.pitch_rad, found.roll_rad, DEFAULT_PITCH_RAD])
-    off = np.degrees(np.abs(off - [view.pitch_rad, view.roll_rad, view.pitch_rad]))
-    return float(off[0]), float(off[1]), float(off[2]), found.evidence
+        return (np.nan,) * 5
+    *_, (heads,) = network.estimate_fully(normalise(example.background[None]))
+    off = np.array([found.pitch_rad, found.roll_rad, heads["pitch_rad"], DEFAULT_PITCH_RAD])
+    pitch = view.pitch_rad
+    off = np.degrees(np.abs(off - [pitch, view.roll_rad, pitch, pitch]))
+    return *(float(value) for value in off), found.evidence
 
 
 if __name__ == "__main__":

@@ -94,7 +94,7 @@ def test_defaults_are_reported(photo: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "a.jpg"
     assert compose(photo, "--object", "sphere", "--out", out, "--engine", "scalar") == 0
     printed = capsys.readouterr().out
-    for assumption in ("field of view", "camera tilt unknown, assumed -15", "sphere:"):
+    for assumption in ("field of view", "camera pitch from the network's guess", "sphere:"):
         assert assumption in printed
     assert read_photo(out).pixels.shape == (48, 64, 3)
 

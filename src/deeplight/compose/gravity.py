@@ -36,10 +36,12 @@ def viewpoint_of(
     framing: Framing,
     placement: CameraPlacement,
     photo: UInt8[np.ndarray, "height width 3"] | None = None,
+    guess: Tilt | None = None,
 ) -> tuple[Viewpoint, list[str]]:
     """The camera above the surface, and notes on what its tilt was taken from.
 
-    Tilt is as given, else EXIF's, else what upright edges in the photo say, else assumed.
+    Tilt is as given, else EXIF's, else what upright edges in the photo say, else the guess, else
+    assumed.
     """
     camera = PinholeCamera(framing.photo_width, framing.photo_height, framing.vertical_fov_rad)
     tilt, notes = tilt_of(source), []
@@ -47,6 +49,7 @@ def viewpoint_of(
         seen = tilt_of_photo(photo, camera)
         if seen is not None:
             tilt = Tilt(seen.pitch_rad, seen.roll_rad, "upright edges in the photo")
+    tilt = tilt or guess
     pitch, roll = DEFAULT_PITCH_RAD, 0.0
     if tilt is not None:
         pitch, roll = tilt.pitch_rad, tilt.roll_rad

@@ -24,7 +24,7 @@ _AGREES_DEG = 1.5  # spread of an edge's direction
 _PITCHES_DEG = np.arange(-60.0, 41.0, 1.0)
 _ROLLS_DEG = np.arange(-8.0, 9.0, 1.0)
 _EXPECTED_DEG = (-8.0, 22.0, 2.5)  # how people hold a camera: mean and spread of pitch; of roll
-LEAST_EVIDENCE = 9.0
+LEAST_EVIDENCE = 12.0
 """How far, in standard deviations of chance, the best tilt must stand out."""
 
 

@@ -14,6 +14,7 @@ from deeplight.estimators.estimate import load_estimator
 from deeplight.estimators.fill import Fill
 from deeplight.estimators.sun import SunHint, scene_in_sun
 from deeplight.estimators.sureness import glow_rad, soft_note
+from deeplight.estimators.upright import guessed_tilt
 from deeplight.io.photo_like import as_photo
 
 
@@ -58,17 +59,18 @@ def compose_photo(
     """
     opened, network = as_photo(photo), load_estimator()
     where = placement or CameraPlacement()
+    estimate = network.explain(opened, where.fov_deg)
     if light is None:
-        estimate = network.explain(opened, where.fov_deg)
         scene, found = scene_in_sun(estimate, sun, fill=fill)
-        framing, light = estimate.framing, scene.environment
+        light = scene.environment
         notes = (*estimate.notes, *(() if found is None else (found.note,)))
         glow = glow_rad(estimate.heads)
         if scene.lamps and glow and not (found and found.used):
             light, notes = scene.softened(glow).environment, (*notes, soft_note(estimate.heads))
     else:
-        framing, notes = network.frame(opened, where.fov_deg), opened.notes
-    viewpoint, assumed = viewpoint_of(opened.source, framing, where, opened.pixels)
+        notes = opened.notes
+    framing, guess = estimate.framing, guessed_tilt(estimate.heads)
+    viewpoint, assumed = viewpoint_of(opened.source, framing, where, opened.pixels, guess)
     items = [Item(given) if isinstance(given, str) else given for given in objects]
     radiance = light.radiance * np.float32(2.0**stops)
     how = settings or ComposeSettings()

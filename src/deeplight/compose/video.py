@@ -20,6 +20,7 @@ from deeplight.compose.panned import is_near, seen_from, widened
 from deeplight.compose.scene import Scene
 from deeplight.compose.trace import Layers, Quality, trace
 from deeplight.estimators.onnx import OnnxEstimator, shipped_model
+from deeplight.estimators.upright import guessed_tilt
 from deeplight.frames import Rotation
 from deeplight.fuse.session import CHANGED, Session
 from deeplight.io.kept_folder import made_of
@@ -128,7 +129,9 @@ def _begin(
     estimator, factor = OnnxEstimator(), np.float32(gain)
     photo = Photo(first.rgb(), video)
     estimate = estimator.explain(photo, placement.fov_deg)
-    viewpoint, assumed = viewpoint_of(video, estimate.framing, placement, photo.pixels)
+    viewpoint, assumed = viewpoint_of(
+        video, estimate.framing, placement, photo.pixels, guessed_tilt(estimate.heads)
+    )
     light = factor * (estimate.lighting.latlong() if given is None else given)
     solids, notes = placed(viewpoint, items, estimate.framing.bottom, photo.pixels)
     scene, limited = scene_of(photo.pixels, light, viewpoint, solids, settings)

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Float32, Int64
 
 from deeplight.estimators.projection import ProjectedPhoto, smoothstep
 from deeplight.estimators.surroundings import kept_power, power_of
-from deeplight.estimators.upright import SURE_CHANCE, likeliest_turn
+from deeplight.estimators.upright import guessed_tilt
 from deeplight.frames import VIEW, Rotation, turned, world_from_camera
 from deeplight.io.tilt import Tilt
 from deeplight.mappings import latlong, resample
@@ -39,14 +39,8 @@ _STEEPEST = 0.98  # sine of the pitch beyond which nothing is ahead
 def up_of(tilt: Tilt | None, heads: Mapping[str, float]) -> Float[np.ndarray, "3"] | None:
     """Where up is in the camera frame: by the tilt that is known, else by the network's guess of
     the pitch. None where neither says, and where the network takes the photo to lie on its side."""
-    if tilt is not None:
-        return world_from_camera(0, tilt.pitch_rad, tilt.roll_rad)[1]
-    if not heads:
-        return None
-    turn, chance = likeliest_turn(heads)
-    if turn and chance >= SURE_CHANCE:
-        return None
-    return world_from_camera(0, heads["pitch_rad"])[1]
+    known = tilt or guessed_tilt(heads)
+    return None if known is None else world_from_camera(0, known.pitch_rad, known.roll_rad)[1]
 
 
 def continued(

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+from deeplight.io.tilt import Tilt
+
 SURE_CHANCE = 0.6
 """From this chance on a photo is said to lie on its side or stand on its head: of validation photos
 no upright one, and a fifth of the turned ones (`lab/evidence/sideways.py`)."""
@@ -18,6 +20,17 @@ def likeliest_turn(heads: Mapping[str, float]) -> tuple[int, float]:
     turns = (0, 90, 180, 270)
     best = max(turns, key=lambda turn: heads[f"upright_{turn}"])
     return best, heads[f"upright_{best}"]
+
+
+def guessed_tilt(heads: Mapping[str, float]) -> Tilt | None:
+    """The tilt that the network takes the camera to have, without roll, of which it knows nothing;
+    None where it does not say, and of a photo that seems to need turning."""
+    if not heads:
+        return None
+    turn, chance = likeliest_turn(heads)
+    if turn and chance >= SURE_CHANCE:
+        return None
+    return Tilt(heads["pitch_rad"], 0.0, "the network's guess")
 
 
 def turn_notes(heads: Mapping[str, float]) -> tuple[str, ...]:
