@@ -20,7 +20,15 @@ from PIL import Image
 
 from deeplight import brdf, camera_response, contract, harmonics, lobe, preprocess
 from deeplight.contract import ModelContract
-from deeplight.estimators import confidence, lamps, projection, sureness, surroundings
+from deeplight.estimators import (
+    confidence,
+    continuation,
+    lamps,
+    projection,
+    sureness,
+    surroundings,
+    upright,
+)
 from deeplight.estimators.environment import assemble
 from deeplight.estimators.network import WHOLE_VIEW
 from deeplight.estimators.onnx import OnnxEstimator
@@ -87,6 +95,8 @@ def constants() -> dict[str, Any]:
         "TRANSFER": transfer_file.LAYOUT,
         "FUSE": numbers_of(view, gains, blend, merge, steady, session),
         "PHOTO_LIGHT": numbers_of(projection, surroundings, lamps),
+        "CONTINUATION": numbers_of(continuation),
+        "UPRIGHT": numbers_of(upright),
     }
 
 
@@ -205,10 +215,12 @@ def photo_golden() -> dict[str, Any]:
 
 
 SCENE_ROWS, SCENE_FOV_RAD = 160, 1.3
+SCENE_UP = world_from_camera(0, -0.25, 0.1)[1]
 
 
 def scene_golden() -> dict[str, Any]:
-    """A made-up photo put into a made-up light: with the lamps of a network, and without any."""
+    """A made-up photo put into a made-up light: with the lamps of a network, without any, and with
+    the photo going on all around."""
     lighting = light()
     own = [
         Lamp(normalised(np.array([0.1, 0.35, -1.0])), np.array([3.0, 2.5, 2.0]), 0.12),
@@ -218,13 +230,18 @@ def scene_golden() -> dict[str, Any]:
     drawn = lighting.radiance + sum(lobe.lobe_on_ball(lamp) for lamp in own)
     photo = made_up_photo()
     plane = projection.ImagePlane.centred(*photo.shape[:2], SCENE_FOV_RAD)
-    cases = {"lamps": (Lighting(drawn), own), "no_lamps": (lighting, [])}
+    cases = {
+        "lamps": (Lighting(drawn), own, None),
+        "no_lamps": (lighting, [], None),
+        "upright": (Lighting(drawn), own, SCENE_UP),
+    }
     return {
         "vertical_fov_rad": SCENE_FOV_RAD,
         "photo": {"height": len(photo), "width": photo.shape[1], "rgb": as_text(photo)},
         "rows": SCENE_ROWS,
         "own_lamps": [_lamp(lamp) for lamp in own],
-        **{name: _scene(*case, photo, plane) for name, case in cases.items()},
+        "up": SCENE_UP.tolist(),
+        **{name: _scene(photo, plane, *case) for name, case in cases.items()},
     }
 
 
@@ -240,9 +257,13 @@ def made_up_photo() -> np.ndarray:
 
 
 def _scene(
-    lighting: Lighting, own: list[Lamp], photo: np.ndarray, plane: projection.ImagePlane
+    photo: np.ndarray,
+    plane: projection.ImagePlane,
+    lighting: Lighting,
+    own: list[Lamp],
+    up: np.ndarray | None,
 ) -> dict[str, Any]:
-    scene = assemble(lighting, photo, plane, SCENE_ROWS, own)
+    scene = assemble(lighting, photo, plane, SCENE_ROWS, own, up=up)
     environment = scene.environment
     return {
         "ball": packed(lighting.radiance),

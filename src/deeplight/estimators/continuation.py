@@ -31,7 +31,7 @@ _SHOWN = 0.98  # of a texel, from which on it is a piece of the photo
 _LEAST_TURN_RAD = np.radians(15)  # of a row: less of it says nothing of the rest
 _LEAST_OF_WIDEST = 0.75  # a row that the photo's corners cut off is left out
 _FADE_RAD = np.radians(10)  # beyond the highest and the lowest row
-_GROUND_RAD = np.radians((10, 25))  # below the horizon: from here on the lowest row is ground
+_GROUND_RAD = np.radians(10), np.radians(25)  # below the horizon: the lowest row becomes ground
 _DARKEST = 1e-3
 _STEEPEST = 0.98  # sine of the pitch beyond which nothing is ahead
 

@@ -342,3 +342,24 @@ export const PHOTO_LIGHT = {
   "LEAST_SHARE": 0.03,
   "UNSEEN": 0.02
 } as const;
+
+export const CONTINUATION = {
+  "WEIGHT": 0.6,
+  "COLOUR": 0.7,
+  "DETAIL_TO_RAD": 1.2217304763960306,
+  "DETAIL_LEFT": 0.15,
+  "SHOWN": 0.98,
+  "LEAST_TURN_RAD": 0.2617993877991494,
+  "LEAST_OF_WIDEST": 0.75,
+  "FADE_RAD": 0.17453292519943295,
+  "GROUND_RAD": [
+    0.17453292519943295,
+    0.4363323129985824
+  ],
+  "DARKEST": 0.001,
+  "STEEPEST": 0.98
+} as const;
+
+export const UPRIGHT = {
+  "SURE_CHANCE": 0.6
+} as const;

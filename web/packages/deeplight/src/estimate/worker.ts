@@ -25,6 +25,7 @@ import { download } from "./download.ts";
 import { framePhoto } from "./framing.ts";
 import { type Frame, Picker, sizeOf } from "./picker.ts";
 import { type Tracked, Tracker } from "./tracker.ts";
+import { upOf } from "./upright.ts";
 
 interface WithFrame {
   readonly frame: Frame;
@@ -188,8 +189,9 @@ async function estimate(frame: Frame, fov?: number, sceneRows?: number): Promise
   reply({ first: answer });
   const placed = { ...small, pixels: whole.rgb(isReversed), plane };
   const ball = new Lighting(logRadiance).radiance();
-  const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract));
   const heads = headsIn(others, contract);
+  const up = heads && upOf(heads);
+  const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract), up);
   if (heads) return { ...answer, scene, confidence: surenessOf(heads, logRadiance, placed) };
   const answers = [
     mirroredBall(network.logRadiance(mirroredPlanes(planes, contract))),

@@ -39,6 +39,10 @@ export function dot(a: Vector3, b: Vector3): number {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+export function cross(a: Vector3, b: Vector3): Vector3 {
+  return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+}
+
 /** The angle of the rotation that takes one to the other. */
 export function angleBetween(a: Matrix3x3, b: Matrix3x3): number {
   const trace = a.reduce((sum, value, i) => sum + value * b[i as 0], 0);

@@ -55,6 +55,14 @@ export function powerOf(radiance: Float32Array, height: number): Vector3 {
   return sum;
 }
 
+/** A panorama, which is changed, times what brings each channel's sum over the sphere to `power`. */
+export function keepPower(radiance: Float32Array, height: number, power: Vector3): Float32Array {
+  const have = powerOf(radiance, height);
+  const factor = power.map((want, c) => want / Math.max(have[c]!, 1e-30));
+  for (let i = 0; i < radiance.length; i++) radiance[i]! *= factor[i % 3]!;
+  return radiance;
+}
+
 /** Bilinear between the texels of a coarser panorama of `rows`, around the back. */
 export function enlarged(
   small: Float32Array,
@@ -111,18 +119,35 @@ export function sampled(
   y: number,
   z: number,
 ): [number, number, number] {
-  const width = 2 * height;
-  const [row, column] = positionOf(x, y, z, height);
+  const found = new Float64Array(3);
+  sampleInto(found, panorama, height, [x, y, z], 0);
+  return [found[0]!, found[1]!, found[2]!];
+}
+
+/** The same of as many channels as `found` takes, in the direction that begins at `at` of many. */
+export function sampleInto(
+  found: Float64Array,
+  panorama: Float32Array,
+  height: number,
+  directions: ArrayLike<number>,
+  at: number,
+): void {
+  const [width, channels] = [2 * height, found.length];
+  const [row, column] = positionOf(
+    directions[at]!,
+    directions[at + 1]!,
+    directions[at + 2]!,
+    height,
+  );
   const [top, left] = [Math.floor(row), Math.floor(column)];
   const [down, right] = [row - top, column - left];
-  const result: [number, number, number] = [0, 0, 0];
+  found.fill(0);
   for (let k = 0; k < 4; k++) {
-    const at = Math.min(Math.max(top + (k >> 1), 0), height - 1);
-    const from = 3 * (at * width + ((left + (k & 1) + width) % width));
+    const line = Math.min(Math.max(top + (k >> 1), 0), height - 1);
+    const from = channels * (line * width + ((left + (k & 1) + width) % width));
     const weight = (k >> 1 ? down : 1 - down) * (k & 1 ? right : 1 - right);
-    for (const c of [0, 1, 2] as const) result[c] += weight * panorama[from + c]!;
+    for (let c = 0; c < channels; c++) found[c]! += weight * panorama[from + c]!;
   }
-  return result;
 }
 
 /** Below this many texels to a pixel of the ball they are split before they are summed up. */

@@ -2,6 +2,7 @@
 import { CONDON_SHORTLEY, LIGHTING_FILE, SCENE_FILE, WHOLE_VIEW } from "../contract/generated.ts";
 import type { ModelFacts } from "../estimate/estimator.ts";
 import { framePhoto, usedFraction, visibleFraction } from "../estimate/framing.ts";
+import { likeliestTurn } from "../estimate/upright.ts";
 import { type Environment, resized } from "../light/environment.ts";
 import type { Lamp } from "../light/lamp.ts";
 import type { Lighting } from "../light/lighting.ts";
@@ -63,15 +64,12 @@ export function record(
 /** What the network says of the camera: sureness.py, which says why no more of it. */
 function cameraGuess(heads: Readonly<Record<string, number>>): Record<string, unknown> {
   const degrees = (name: string) => (heads[name]! * 180) / Math.PI;
-  const turns = TURNS.map((turn) => ({ turn, chance: heads[`upright_${turn}`]! }));
-  const likeliest = turns.reduce((best, one) => (one.chance > best.chance ? one : best));
+  const { turn, chance } = likeliestTurn(heads);
   return {
     pitch_deg: { value: degrees("pitch_rad"), scale: degrees("pitch_scale") },
-    upright_after_turning: { degrees_clockwise: likeliest.turn, chance: likeliest.chance },
+    upright_after_turning: { degrees_clockwise: turn, chance },
   };
 }
-
-const TURNS = [0, 90, 180, 270];
 
 function lampEntry({ direction, flux, angularRadiusRad }: Lamp): Record<string, unknown> {
   // pi sin^2(r) of its radiance, which is its flux over 4 pi sin^2(r / 2).

@@ -7,7 +7,14 @@ import { radianceFromPixel } from "../light/camera-response.ts";
 import { dot, normalised, type Vector3 } from "../light/matrix.ts";
 import { cellMeans } from "../light/means.ts";
 import { solidAngles, subpixels } from "../light/mirror-ball.ts";
-import { enlarged, powerOf, rowSolidAngles, sampled, texelDirections } from "../light/panorama.ts";
+import {
+  enlarged,
+  keepPower,
+  powerOf,
+  rowSolidAngles,
+  sampled,
+  texelDirections,
+} from "../light/panorama.ts";
 import { remembered } from "../light/remembered.ts";
 import { evenly, type PlacedPhoto, smoothstep } from "./image-plane.ts";
 
@@ -24,10 +31,7 @@ export function mapRows(height: number): number {
 /** A panorama of the ball without pixels and without spokes straight ahead; its power is kept. */
 export function smoothMap(ball: Float32Array, size: number, height: number): Float32Array {
   const small = spread(ball, size);
-  const large = enlarged(small, ROWS, height);
-  const [want, have] = [powerOf(small, ROWS), powerOf(large, height)];
-  const factor = want.map((power, c) => power / Math.max(have[c]!, 1e-30));
-  return large.map((value, i) => value * factor[i % 3]!);
+  return keepPower(enlarged(small, ROWS, height), height, powerOf(small, ROWS));
 }
 
 /**
