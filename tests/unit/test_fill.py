@@ -1,5 +1,8 @@
 """Made-up detail: it looks like a place and changes no light."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -42,6 +45,15 @@ def test_a_place_is_recognised_turned_and_mirrored():
     _, name = filled(light, NOTHING)
     assert name == place.name
     assert np.abs(smooth_of(light) - np.log(smooth)).mean() < 0.6
+
+
+def test_another_fill_is_refused():
+    """In a process of its own: here the annotations are checked, which users do not do."""
+    code = "import deeplight as d, numpy as n; d.estimate(n.zeros((64, 48, 3), 'u1'), fill='none')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    last = done.stderr.strip().splitlines()[-1]
+    assert "ConfigError" in last
+    assert "photo, any, indoor, outdoor or None" in last
 
 
 def test_the_library_is_small_and_its_details_are_ratios_around_one():

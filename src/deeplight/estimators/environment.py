@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Self, get_args
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
@@ -149,6 +149,8 @@ def assemble(
         fill: what to show where the photo does not look; see `estimators.fill`.
         up: unit vector, camera frame; without it the photo does not go on.
     """
+    if fill not in (None, *get_args(Fill)):
+        raise ConfigError(f"fill of {', '.join(get_args(Fill))} or None", repr(fill), "correct it")
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
     around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
