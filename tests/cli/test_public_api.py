@@ -148,4 +148,4 @@ def test_photos_compose_and_fuse_through_public_names(tmp_path: Path) -> None:
     composed = deeplight.compose_photo(photo, ["sphere"], light, settings=quick)
     changed = (composed.composite.pixels != photo).any(-1)
     assert 0 < changed.mean() < 0.9
-    assert any("assumed" in note for note in composed.notes)
+    assert any("camera pitch from the network" in note for note in composed.notes)
