@@ -88,7 +88,7 @@ def shortest_turn(old: Float[np.ndarray, "3"], new: Float[np.ndarray, "3"]) -> R
     if cosine < -1 + 1e-9:  # straight opposite: half a turn about anything across
         across = normalised(np.cross(old, np.eye(3)[np.abs(old).argmin()]))
         return 2 * np.outer(across, across) - np.eye(3)
-    cross = np.cross(np.eye(3), axis)
+    cross = crosses(axis)
     return np.eye(3) + cross + cross @ cross / (1 + cosine)
 
 

@@ -306,9 +306,8 @@ def _short_sums_of_bytes(
     sums = np.zeros((2, len(first), width * channels // 2), np.uint16)
     for turn in range(int(span.max())):
         at = np.minimum(first + turn, len(pixels) - 1)
-        taken = (
-            pixels[at].reshape(len(first), -1).view("<u2")
-        )  # `take` would first copy a view whole
+        # An index, since `take` would first copy a view whole.
+        taken = pixels[at].reshape(len(first), -1).view("<u2")
         if (span <= turn).any():
             taken[span <= turn] = 0
         sums[0] += taken & 255

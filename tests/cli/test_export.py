@@ -204,8 +204,8 @@ def test_lamps_that_agree_take_the_flux_of_one_that_stands_alone():
 
 def test_with_flips_a_mirrored_photo_has_mirrored_light_and_lamps(averaged):
     estimator = averaged
-    light, lamps = estimator.estimate_with_lamps(photos())
-    mirrored, their_lamps = estimator.estimate_with_lamps(photos()[..., ::-1])
+    light, lamps, _ = estimator.estimate_fully(photos())
+    mirrored, their_lamps, _ = estimator.estimate_fully(photos()[..., ::-1])
     np.testing.assert_allclose(mirrored, light[:, :, ::-1], atol=1e-4)
     assert len(lamps[0]) == estimator.contract.lamps == 2 * 3
     for own, theirs in zip(lamps[0], their_lamps[0], strict=True):

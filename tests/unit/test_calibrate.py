@@ -88,7 +88,7 @@ def moved(model, gains, folder):
     out = folder / "mine.onnx"
     write_with_gains(model, out, tuple(gains), "")
     inputs = np.random.default_rng(0).uniform(-0.5, 0.5, (1, 3, 192, 135)).astype(np.float32)
-    before, after = (OnnxEstimator(path).estimate_with_lamps(inputs) for path in (model, out))
+    before, after = (OnnxEstimator(path).estimate_fully(inputs) for path in (model, out))
     return np.abs(after[0] - before[0] - gains), len(before[1][0]), len(after[1][0])
 
 
@@ -118,8 +118,8 @@ def test_the_model_gives_the_same_light_times_the_gains(root, tmp_path):
     write_with_gains(shipped, out, tuple(TRUE_GAINS), "mine")
     before, after = OnnxEstimator(shipped), OnnxEstimator(out)
     inputs = np.random.default_rng(0).uniform(-0.5, 0.5, (2, 3, 192, 135)).astype(np.float32)
-    light, lamps = before.estimate_with_lamps(inputs)
-    moved, their_lamps = after.estimate_with_lamps(inputs)
+    light, lamps, _ = before.estimate_fully(inputs)
+    moved, their_lamps, _ = after.estimate_fully(inputs)
     np.testing.assert_allclose(moved, light + TRUE_GAINS, atol=1e-4)
     for own, theirs in zip(lamps[0], their_lamps[0], strict=True):
         np.testing.assert_allclose(theirs.flux, own.flux * np.exp(TRUE_GAINS), rtol=1e-3)

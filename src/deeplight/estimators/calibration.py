@@ -62,13 +62,17 @@ class Calibration:
             return ()
         return (f"taken with {camera}: what was calibrated for {self.camera} is left out",)
 
-    def without(
-        self, log_radiance: Float32[np.ndarray, "*size 3"], lamps: Sequence[Lamp]
-    ) -> tuple[Float32[np.ndarray, "*size 3"], tuple[Lamp, ...]]:
-        """Light and lamps as they were before the gains, but for rounding; strongest lamp first."""
-        gains = np.array(self.log_gains, np.float32)
-        before = [replace(lamp, flux=lamp.flux * np.exp(-gains)) for lamp in lamps]
-        return log_radiance - gains, tuple(sorted(before, key=lambda lamp: -lamp.luminous_flux))
+    def light_without(
+        self, log_radiance: Float32[np.ndarray, "*size 3"]
+    ) -> Float32[np.ndarray, "*size 3"]:
+        """ln radiance as it was before the gains, but for rounding."""
+        return log_radiance - np.array(self.log_gains, np.float32)
+
+    def lamps_without(self, lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
+        """Lamps as they were before the gains, but for rounding; the strongest first."""
+        factor = np.exp(-np.array(self.log_gains, np.float32))
+        before = [replace(lamp, flux=lamp.flux * factor) for lamp in lamps]
+        return tuple(sorted(before, key=lambda lamp: -lamp.luminous_flux))
 
     def to_json(self) -> str:
         """Give the text to store under `CALIBRATION_KEY`."""

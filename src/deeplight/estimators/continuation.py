@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Float32, Int64
 from deeplight.estimators.projection import ProjectedPhoto, smoothstep
 from deeplight.estimators.surroundings import kept_power, power_of
 from deeplight.estimators.upright import guessed_tilt
-from deeplight.frames import VIEW, Rotation, turned, world_from_camera
+from deeplight.frames import VIEW, Rotation, turned
 from deeplight.io.tilt import Tilt
 from deeplight.mappings import latlong, resample
 
@@ -40,7 +40,7 @@ def up_of(tilt: Tilt | None, heads: Mapping[str, float]) -> Float[np.ndarray, "3
     """Where up is in the camera frame: by the tilt that is known, else by the network's guess of
     the pitch. None where neither says, and where the network takes the photo to lie on its side."""
     known = tilt or guessed_tilt(heads)
-    return None if known is None else world_from_camera(0, known.pitch_rad, known.roll_rad)[1]
+    return None if known is None else known.up
 
 
 def continued(

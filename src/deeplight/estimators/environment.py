@@ -108,7 +108,8 @@ def scene_light(
     pixels, fov = estimate.photo.pixels, estimate.framing.vertical_fov_rad
     height_px, width_px, _ = pixels.shape
     plane = ImagePlane.centred(height_px, width_px, fov)
-    up = up_of(tilt_of(estimate.photo.source), estimate.heads)
+    goes_on = fill == "photo"
+    up = up_of(tilt_of(estimate.photo.source), estimate.heads) if goes_on else None
     return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill, up)
 
 

@@ -32,7 +32,7 @@ _COLOUR_COUNTS = 0.5
 _STRAY = 1e-4
 
 Kind = Literal["any", "indoor", "outdoor"]
-Fill = Literal["photo", "any", "indoor", "outdoor"]
+Fill = Literal["photo", Kind]
 """What the directions that no photo saw are filled with: the photo's own rows going on
 (`estimators.continuation`), or a place of the library. None leaves them smooth."""
 

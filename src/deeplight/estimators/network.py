@@ -153,7 +153,7 @@ class NetworkEstimator(ABC):
         if own is not None:
             notes += own.note(photo.camera, use)
             if use != "never" and not own.suits(photo.camera, use):
-                log_radiance, lamps = own.without(log_radiance, lamps)
+                log_radiance, lamps = own.light_without(log_radiance), own.lamps_without(lamps)
         light = Lighting.from_log_radiance(log_radiance)
         return Estimate(light, photo, framing, notes, seconds, lamps, heads)
 
@@ -176,25 +176,14 @@ class NetworkEstimator(ABC):
         log_radiance = self._light(output, len(inputs))
         if self.calibration is None or self.calibrated != "never":
             return log_radiance
-        return self.calibration.without(log_radiance, ())[0]
-
-    def estimate_with_lamps(
-        self, inputs: Float32[np.ndarray, "batch 3 height width"]
-    ) -> tuple[Float32[np.ndarray, "batch size size 3"], list[tuple[Lamp, ...]]]:
-        """As `estimate_inputs`, and the lamps of each picture, the strongest first.
-
-        Raises:
-            ModelError: the network cannot be run, or gives NaN or more than a float holds.
-        """
-        log_radiance, lamps, _ = self.estimate_fully(inputs)
-        return log_radiance, lamps
+        return self.calibration.light_without(log_radiance)
 
     def estimate_fully(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]
     ) -> tuple[
         Float32[np.ndarray, "batch size size 3"], list[tuple[Lamp, ...]], list[dict[str, float]]
     ]:
-        """As `estimate_with_lamps`, and what the network says besides of each picture.
+        """As `estimate_inputs`, the lamps of each picture, the strongest first, and its heads.
 
         Raises:
             ModelError: the network cannot be run, or gives NaN or more than a float holds.
@@ -208,8 +197,8 @@ class NetworkEstimator(ABC):
         try:
             found = [lamps_of(numbers) for numbers in lamps]
             if self.calibration is not None and self.calibrated == "never":
-                found = [self.calibration.without(log_radiance, own)[1] for own in found]
-                log_radiance = self.calibration.without(log_radiance, ())[0]
+                found = [self.calibration.lamps_without(own) for own in found]
+                log_radiance = self.calibration.light_without(log_radiance)
             return log_radiance, found, said
         except (ShapeError, ValueError) as error:
             got = f"{self.path} that gives impossible lamps"

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from deeplight.frames import UP, Rotation, world_from_camera
+from deeplight.frames import Rotation
 from deeplight.fuse.track import WORKING_SIDE
 from deeplight.io.exif import exif_directories, number
 from deeplight.io.photos import Photo
@@ -45,6 +45,7 @@ class SourceFrame:
 def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> SourceFrame:
     """A photo as a frame: made small, its exposure read."""
     exposure = math.nan if photo.source is None else log_exposure_of(photo.source)
+    tilt = tilt_of(photo.source)
     return SourceFrame(
         name,
         shrunk(photo.pixels),
@@ -53,16 +54,8 @@ def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> Sourc
         photo.vertical_fov_rad,
         exposure,
         notes=photo.notes,
-        up=up_of(photo.source),
+        up=None if tilt is None else tilt.up,
     )
-
-
-def up_of(path: Path | None) -> Float[np.ndarray, "3"] | None:
-    """Against gravity in the upright camera, if EXIF data say how the camera was tilted."""
-    tilt = tilt_of(path)
-    if tilt is None:
-        return None
-    return world_from_camera(0, tilt.pitch_rad, tilt.roll_rad).T @ UP
 
 
 def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:

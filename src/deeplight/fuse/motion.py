@@ -24,18 +24,13 @@ from deeplight.io.video import facts
 from deeplight.preprocess import frame_photo
 
 _PAIRS = 24  # of each kind that are matched
-_NEAR_RAD, _LATER = (
-    radians(15),
-    8,
-)  # what looks the same way again, at least that number of pictures later
+_NEAR_RAD, _LATER = radians(15), 8  # the same way again, and by how many pictures later at least
 _WRONG_RAD, _DRIFT_RAD = radians(1.5), radians(5)
 """Medians of neighbours and of what looks the same way again, above which pictures are right."""
 _WRONG_SHARE, _NOISE_RAD = 0.3, radians(0.5)
 """Neighbours may not be off by more than this share of their turn, and that much, either."""
 _LOG_SCALES = np.linspace(-0.5, 0.7, 121)  # ln, of an assumed field of view's tangent
-_SCALE_COSTS_RAD = radians(
-    0.7
-)  # by how much better a field of view of e times the tangent must fit
+_SCALE_COSTS_RAD = radians(0.7)  # by so much better a field of view of e times the tangent must fit
 
 
 @dataclass(frozen=True)

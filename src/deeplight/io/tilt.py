@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from math import asin, atan2, hypot, isfinite, radians
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+
+from deeplight.frames import world_from_camera
 from deeplight.io.exif import exif_directories, number
 
 _MAKER_NOTE, _ELEVATION = 0x927C, 0x9405
@@ -19,6 +23,11 @@ class Tilt:
     pitch_rad: float
     roll_rad: float
     source: str
+
+    @property
+    def up(self) -> Float[np.ndarray, "3"]:
+        """Against gravity, unit length, in the camera frame."""
+        return world_from_camera(0.0, self.pitch_rad, self.roll_rad)[1]
 
 
 def tilt_of(path: Path | str | None) -> Tilt | None:
