@@ -1,30 +1,21 @@
 /** three.js shows our light the right way round and as bright as it is, however the camera is held. */
-import type { Browser, Page } from "playwright-core";
-import { createServer, type ViteDevServer } from "vite";
+import type { Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { REFLECTIVITY } from "../packages/deeplight/src/contract/generated.ts";
 import { directionFromUv } from "../packages/deeplight/src/light/mirror-ball.ts";
-import { launch } from "./browser.ts";
+import { type Stage, staged } from "./stage.ts";
 
 const SIZE = 32;
 const STRAIGHT = [0, 0, 0] as const;
 const HELD = [0.9, -0.5, 0.3] as const;
-let server: ViteDevServer;
-let browser: Browser;
 let page: Page;
+let stage: Stage;
 
 beforeAll(async () => {
-  const root = new URL("..", import.meta.url).pathname;
-  [server, browser] = await Promise.all([createServer({ root, logLevel: "error" }), launch()]);
-  await server.listen();
-  page = await browser.newPage();
-  await page.goto(new URL("/e2e/pages/balls.html", server.resolvedUrls!.local[0]).href);
-  await page.waitForFunction(() => "ball" in window);
+  stage = await staged("balls", "ball");
+  page = stage.page;
 });
-afterAll(async () => {
-  await browser?.close();
-  await server?.close();
-});
+afterAll(() => stage?.close());
 
 /** A lamp of another colour in each of six directions, wide enough for any pixel size. */
 function lamps(mirrored = false): number[] {

@@ -1,30 +1,21 @@
 /** The shadow of a .glb on the floor: whatever stands behind each other blocks a direction once. */
 import { IDENTITY, Light, Lighting } from "deeplight/core";
-import type { Browser, Page } from "playwright-core";
-import { createServer, type ViteDevServer } from "vite";
+import type { Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { floorRays } from "../src/view/floor-rays.ts";
-import { launch } from "./browser.ts";
+import { type Stage, staged } from "./stage.ts";
 
 const GAMMA = 2.2;
 const RAYS = 96;
 const radiance = new Array<number>(3 * 32 * 32).fill(1);
-let server: ViteDevServer;
-let browser: Browser;
 let page: Page;
+let stage: Stage;
 
 beforeAll(async () => {
-  const root = new URL("..", import.meta.url).pathname;
-  [server, browser] = await Promise.all([createServer({ root, logLevel: "error" }), launch()]);
-  await server.listen();
-  page = await browser.newPage();
-  await page.goto(new URL("/e2e/pages/shadow.html", server.resolvedUrls!.local[0]).href);
-  await page.waitForFunction(() => "left" in window);
+  stage = await staged("shadow", "left");
+  page = stage.page;
 });
-afterAll(async () => {
-  await browser?.close();
-  await server?.close();
-});
+afterAll(() => stage?.close());
 
 /** What the box leaves of the rays that the floor below its middle gets. */
 function expected(): number {

@@ -1,10 +1,9 @@
 /** The shadow of a true sun on the page's floor: where it falls, how dark it is, how sharp. */
-import type { Browser, Page } from "playwright-core";
-import { createServer, type ViteDevServer } from "vite";
+import type { Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { boxGlb } from "./box.ts";
 import { type Angles, BoxShadow, degreesBetween, towards } from "./box-shadow.ts";
-import { launch } from "./browser.ts";
+import { type Stage, staged } from "./stage.ts";
 
 const DEGREES = 180 / Math.PI;
 const SUN_RAD = 0.27 / DEGREES;
@@ -12,22 +11,14 @@ const WIDE_RAD = 10 / DEGREES;
 /** Of the floor's irradiance, where nothing stands. */
 const SUN_SHARE = 0.8;
 const [PHOTO_ROWS, LIVE_ROWS] = [256, 128];
-let server: ViteDevServer;
-let browser: Browser;
 let page: Page;
+let stage: Stage;
 
 beforeAll(async () => {
-  const root = new URL("..", import.meta.url).pathname;
-  [server, browser] = await Promise.all([createServer({ root, logLevel: "error" }), launch()]);
-  await server.listen();
-  page = await browser.newPage();
-  await page.goto(new URL("/e2e/pages/sun.html", server.resolvedUrls!.local[0]).href);
-  await page.waitForFunction(() => "sunlit" in window);
+  stage = await staged("sun", "sunlit");
+  page = stage.page;
 });
-afterAll(async () => {
-  await browser?.close();
-  await server?.close();
-});
+afterAll(() => stage?.close());
 
 /** A box in a lamp that gives the floor `SUN_SHARE` of its light; the sky the rest. */
 async function shadow(sun: Angles, angularRadiusRad: number, rows: number): Promise<BoxShadow> {
