@@ -26,8 +26,6 @@ import torch
 import tyro
 from torch import Tensor
 
-from deeplight.dataset import open_dataset
-from deeplight.estimators.onnx import shipped_model
 from deeplight.evaluate.scores import rendered_radiance, score
 from deeplight.io.atomic import replacing
 from deeplight.training import devices
@@ -36,14 +34,13 @@ from deeplight.training.augment import Inputs, turn_back
 from deeplight.training.config import RunConfig, TrainConfig
 from deeplight.training.data import balanced_order
 from deeplight.training.losses import LossTerms, RigBases
-from deeplight.training.model_file import load_network
 from deeplight.training.network.discriminator import AdversarialConfig, mirror_pictures
 from deeplight.training.network.generator import Generator, NetworkConfig
 from deeplight.training.optimiser import MovingAverage
 from deeplight.training.share import ALONE
-from lab.evidence.frozen_views import FrozenViews, frozen_views, joined
+from lab.evidence.frozen_views import FrozenViews
 from lab.evidence.some_pixels import SomePixels
-from lab.evidence.tuned_bench import Bench
+from lab.evidence.tuned_bench import Bench, on_frozen_features
 from lab.evidence.tuned_terms import WEIGHTS
 
 RATE, BATCH, DROPOUT, AVERAGE = 5e-4, 32, 0.3, 0.998
@@ -88,12 +85,7 @@ class Args:
 def main(args: Args) -> None:
     """Print each row of each seed as it is finished, then the means over the seeds."""
     torch.set_num_threads(1)
-    network, sets = load_network(shipped_model())[0], [open_dataset(name) for name in args.data]
-    cache = args.cache / sha256(shipped_model().read_bytes()).hexdigest()[:8]
-    train = joined([frozen_views(network, data, "train", cache) for data in sets])
-    (rig,) = sets[0].rigs
-    bench = Bench(frozen_views(network, sets[0], "val", cache), sets[0].bases(rig))
-    learnt = [data.manifest_sha256 for data in sets]
+    network, cache, train, bench, learnt = on_frozen_features(args.data, args.cache)
     print(f"| term, step | {' | '.join(COLUMNS)} |\n|---{'|---' * len(COLUMNS)}|")
     print_row("the shipped network", measured(bench, light_of(bench, network)))
     print_row("the true light", measured(bench, np.log(np.maximum(bench.val.light, DARKEST))))

@@ -1,19 +1,25 @@
 """What `tuned_losses` measures of a network on frozen views: spheres, direction, steadiness."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from jaxtyping import Float
 
+from deeplight.dataset import open_dataset
+from deeplight.estimators.onnx import shipped_model
 from deeplight.evaluate.light_metrics import Brightest, brightest, mean_radiance
 from deeplight.evaluate.scores import rendered_radiance, score
 from deeplight.harmonics import dominant_light
 from deeplight.lighting import Lighting
 from deeplight.reflectance import ReflectanceBasis
 from deeplight.sphere import SPHERES
+from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator
-from lab.evidence.frozen_views import FrozenViews
+from lab.evidence.frozen_views import FrozenViews, frozen_views, joined
 from lab.evidence.tuned_terms import WEIGHTS
 
 CHUNK = 64
@@ -84,3 +90,31 @@ def strays(own: Brightest) -> Float[np.ndarray, " n"]:
 def angle(cosine: np.ndarray) -> np.ndarray:
     """In degrees."""
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+class OnFrozenFeatures(NamedTuple):
+    """What heads learn from and are measured on while the shipped encoder stays as it is.
+
+    Attributes:
+        network: the shipped one.
+        cache: folder of what was made with this network.
+        train: training views of all data sets.
+        bench: validation views of the first.
+        learnt: hashes of the data sets.
+    """
+
+    network: Generator
+    cache: Path
+    train: FrozenViews
+    bench: Bench
+    learnt: list[str]
+
+
+def on_frozen_features(data: Sequence[str], cache: Path) -> OnFrozenFeatures:
+    """Open data sets and compute the features of their photos, or find them in the cache."""
+    network, sets = load_network(shipped_model())[0], [open_dataset(name) for name in data]
+    own = cache / sha256(shipped_model().read_bytes()).hexdigest()[:8]
+    train = joined([frozen_views(network, part, "train", own) for part in sets])
+    (rig,) = sets[0].rigs
+    bench = Bench(frozen_views(network, sets[0], "val", own), sets[0].bases(rig))
+    return OnFrozenFeatures(network, own, train, bench, [part.manifest_sha256 for part in sets])

@@ -26,7 +26,6 @@ import tyro
 from torch import Tensor
 
 from deeplight.contract import LAMP_NUMBERS
-from deeplight.dataset import open_dataset
 from deeplight.estimators.onnx import shipped_model
 from deeplight.io.atomic import replacing
 from deeplight.training.augment import turn_back
@@ -34,9 +33,9 @@ from deeplight.training.data import balanced_order
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator
 from deeplight.training.optimiser import MovingAverage
-from lab.evidence.frozen_views import FrozenViews, frozen_views, joined
+from lab.evidence.frozen_views import FrozenViews
 from lab.evidence.some_pixels import SomePixels
-from lab.evidence.tuned_bench import COLUMNS, Bench
+from lab.evidence.tuned_bench import COLUMNS, Bench, on_frozen_features
 from lab.evidence.tuned_terms import WEIGHTS, direction_loss, mode_loss, steadiness_loss, turn_loss
 
 WARMUP, CLIP = 20, 1.0
@@ -111,14 +110,7 @@ class Args:
 def main(args: Args) -> None:
     """Print the table, row by row."""
     torch.set_num_threads(1)
-    network, sets = load_network(shipped_model())[0], [open_dataset(name) for name in args.data]
-    model = sha256(shipped_model().read_bytes()).hexdigest()[:8]
-    cache = args.cache / model
-    train = joined([frozen_views(network, data, "train", cache) for data in sets])
-    learnt = [data.manifest_sha256 for data in sets]
-    (rig,) = sets[0].rigs
-    bases = sets[0].bases(rig)
-    bench = Bench(frozen_views(network, sets[0], "val", cache), bases)
+    network, cache, train, bench, learnt = on_frozen_features(args.data, args.cache)
     print(f"| row, step | {' | '.join(COLUMNS)} |\n|---{'|---' * len(COLUMNS)}|")
     print_row("shipped", bench.measure(network))
     for name in args.rows:
@@ -126,7 +118,9 @@ def main(args: Args) -> None:
             [asdict(ROWS[name]), args.steps, args.every, args.pairs, args.seed, learnt]
         )
         folder = cache / "rows" / sha256(key.encode()).hexdigest()[:12]
-        for words, numbers in finished(name, folder, train, SomePixels(bases), bench, args).items():
+        for words, numbers in finished(
+            name, folder, train, SomePixels(bench.bases), bench, args
+        ).items():
             print_row(words, numbers)
 
 
