@@ -6,6 +6,7 @@ import { contentPolicy } from "./build/policy.ts";
 import { precache } from "./build/precache.ts";
 import { sceneObjects } from "./build/scene-objects.ts";
 import { shippedModel } from "./build/shipped-model.ts";
+import { threeInParts } from "./build/three.ts";
 
 const here = (path: string) => fileURLToPath(new URL(path, import.meta.url));
 
@@ -13,6 +14,7 @@ export default defineConfig({
   base: "./", // the built page works in any folder of any host
   plugins: [
     basisWithoutEval(),
+    threeInParts(),
     contentPolicy(here("../src/deeplight/demo/policy.txt")),
     shippedModel(here("../src/deeplight/weights/deeplight.onnx")),
     sceneObjects(here("public/objects"), here("packages/deeplight/src/core.ts")),
