@@ -7,7 +7,7 @@ import { equirectFromBall } from "./equirect.ts";
 import { project } from "./harmonics.ts";
 import { findMainLight, type MainLight } from "./main-light.ts";
 import type { Matrix3x3 } from "./matrix.ts";
-import { coverage, turnedBall } from "./mirror-ball.ts";
+import { coverage, radianceOfBall, turnedBall } from "./mirror-ball.ts";
 import { relit, SPHERE_SIZE, type SphereName } from "./spheres.ts";
 
 const DARKEST = 1e-30; // black has no logarithm
@@ -35,12 +35,7 @@ export class Lighting {
 
   /** Linear; 0 off the disc. The same array each time: not to be written to. */
   radiance(): Float32Array {
-    if (this.#radiance === undefined) {
-      const lit = coverage(this.size);
-      this.#radiance = this.logRadiance.map((value, i) =>
-        lit[Math.floor(i / 3)]! > 0 ? Math.exp(value) : 0,
-      );
-    }
+    this.#radiance ??= radianceOfBall(this.logRadiance, this.size);
     return this.#radiance;
   }
 

@@ -52,6 +52,12 @@ export const coverage = remembered((size: number): Float64Array => {
   return area.map((share) => (share < SLIVER ? 0 : share));
 });
 
+/** Linear radiance of a ball of ln radiance; 0 off the disc. */
+export function radianceOfBall(logRadiance: Float32Array, size: number): Float32Array {
+  const lit = coverage(size);
+  return logRadiance.map((value, i) => (lit[Math.floor(i / 3)]! > 0 ? Math.exp(value) : 0));
+}
+
 /** Solid angle of each pixel in sr; they sum to 4 pi. */
 export const solidAngles = remembered(
   (size: number): Float64Array => coverage(size).map((share) => share * (16 / size ** 2)),
