@@ -9,19 +9,17 @@ from PIL import Image, TiffImagePlugin
 
 from deeplight.frames import UP, world_from_camera
 from deeplight.io.tilt import tilt_of
+from scripts import loaded
+
+MADE = loaded(Path(__file__).parents[1] / "golden/make_web_tilt.py")
 
 
 def iphone_photo(up: np.ndarray, orientation: int, path: Path) -> Path:
     """A photo whose maker note says that `up` (camera frame of the upright picture) is up."""
     x, y = up[:2]
     phone = {1: (y, -x), 3: (-y, x), 6: (x, y), 8: (-x, -y)}[orientation]
-    note = b"Apple iOS\0\0\x01MM" + struct.pack(">HHHII", 1, 8, 10, 3, 32) + bytes(4)
-    for value in (*phone, up[2]):
-        note += struct.pack(">ii", round(-value * 10_000), 10_000)
-    exif = Image.Exif()
-    exif[0x0112] = orientation
-    exif.get_ifd(0x8769)[0x927C] = note
-    Image.new("RGB", (64, 48)).save(path, exif=exif)
+    x, y, z = (-value for value in (*phone, up[2]))  # at rest a phone feels 1 g upwards
+    path.write_bytes(MADE.photo(MADE.maker_note((x, y, z)), orientation))
     return path
 
 
@@ -37,9 +35,7 @@ def test_an_iphones_tilt_is_read(
 
 
 def elevated(path: Path, value: object) -> Path:
-    exif = Image.Exif()
-    exif.get_ifd(0x8769)[0x9405] = value
-    Image.new("RGB", (64, 48)).save(path, exif=exif)
+    path.write_bytes(MADE.photo(elevation=value))
     return path
 
 

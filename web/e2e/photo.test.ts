@@ -1,8 +1,11 @@
 /** A photo in the built page: its light, its object, what can be done and taken away. */
-import { readFile } from "node:fs/promises";
+import { mkdtemp, readFile, writeFile } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, describe, expect, test } from "vitest";
+import { golden } from "../tests/golden.ts";
 import { decodedHdr } from "../tests/hdr.ts";
 import { boxGlb } from "./box.ts";
 import { DESKTOP, launch, PHONE_LYING, untilLit, type Visit, visit } from "./browser.ts";
@@ -44,6 +47,12 @@ async function atRest(view: Element): Promise<void> {
   await Promise.allSettled(view.getAnimations().map(({ finished }) => finished));
 }
 
+/** How far two environments are apart in ln radiance, but for one texel of a hundred. */
+function apart(ours: Float32Array, theirs: Float32Array): number {
+  const off = ours.map((value, i) => Math.abs(Math.log((value + 0.01) / (theirs[i]! + 0.01))));
+  return off.sort()[Math.floor(0.99 * off.length)]!;
+}
+
 test.each([
   ["with a field of view in EXIF", CANTEEN],
   ["without", PAGODA],
@@ -66,11 +75,31 @@ test.each([
       expect(value / other.flux[c]!).toBeCloseTo(1, 1);
     });
   });
-  const [hdr, theirHdr] = [decodedHdr(await saved(page, "#save-hdr")), decodedHdr(python.hdr)];
-  const off = hdr
-    .map((value, i) => Math.abs(Math.log((value + 0.01) / (theirHdr[i]! + 0.01))))
-    .sort();
-  expect(off[Math.floor(0.99 * off.length)]).toBeLessThan(0.03); // RGBE steps by 0.8 %
+  const hdr = decodedHdr(await saved(page, "#save-hdr"));
+  expect(apart(hdr, decodedHdr(python.hdr))).toBeLessThan(0.03); // RGBE steps by 0.8 %
+  await leave();
+});
+
+/** PAGODA with the EXIF data of a golden photo. */
+async function tilted(name: string): Promise<string> {
+  const file = Buffer.from(golden("tilt")[name].file, "base64");
+  const start = file.indexOf("ffe1", 0, "hex");
+  const exif = file.subarray(start, start + 2 + file.readUInt16BE(start + 2));
+  const path = join(await mkdtemp(join(tmpdir(), "deeplight-")), "tilted.jpg");
+  const plain = await readFile(PAGODA);
+  await writeFile(path, Buffer.concat([plain.subarray(0, 2), exif, plain.subarray(2)]));
+  return path;
+}
+
+test("a photo that says how the camera was tilted goes on all around as Python's", async () => {
+  const { page, leave } = await visit(browser, site.url);
+  const file = await tilted("orientation 1");
+  await openPhoto(page, file);
+  expect(await page.textContent("#tilt-value")).toBe("38°");
+  const hdr = decodedHdr(await saved(page, "#save-hdr"));
+  const [upwards, without] = await Promise.all([file, PAGODA].map((one) => estimated(one)));
+  expect(apart(hdr, decodedHdr(upwards!.hdr))).toBeLessThan(0.03);
+  expect(apart(hdr, decodedHdr(without!.hdr))).toBeGreaterThan(0.1);
   await leave();
 });
 

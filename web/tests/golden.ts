@@ -1,4 +1,4 @@
-/** Golden values that tests/golden/make_web.py made with the Python package. */
+/** Golden values that tests/golden/make_web*.py made with the Python package. */
 import { readFileSync } from "node:fs";
 
 export interface Packed {
@@ -7,7 +7,7 @@ export interface Packed {
 }
 
 // biome-ignore lint/suspicious/noExplicitAny: the file's shape is what the tests check
-export function golden(name: "light" | "photo" | "scene" | "transfer"): any {
+export function golden(name: "light" | "photo" | "scene" | "tilt" | "transfer"): any {
   return JSON.parse(readFileSync(new URL(`golden/${name}.json`, import.meta.url), "utf-8"));
 }
 

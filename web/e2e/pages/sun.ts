@@ -70,7 +70,7 @@ function plainPicture(): Picture {
   context.fillRect(0, 0, SIZE.width, SIZE.height);
   const grab = () => createImageBitmap(source);
   const atFullSize = <T>(act: () => Promise<T>) => act();
-  const nothing = { file: null, verticalFovRad: undefined, close() {} };
+  const nothing = { file: null, verticalFovRad: undefined, up: null, close() {} };
   return { kind: "photo", ...SIZE, source, grab, atFullSize, ...nothing };
 }
 

@@ -27,6 +27,7 @@ export class LiveCamera implements Picture {
   readonly kind = "live";
   readonly file = null;
   readonly verticalFovRad = undefined;
+  readonly up = null; // sensors say it
   /** Called when the camera goes away without having been asked to. */
   onLost: () => void = () => {};
 

@@ -1,5 +1,5 @@
 /** A photo from a file, upright, as large as browsers can hold. */
-import { drawStill, type Frame, verticalFovRad } from "deeplight/core";
+import { type CameraFacts, cameraFacts, drawStill, type Frame } from "deeplight/core";
 import { Failure } from "../failure.ts";
 import type { Picture } from "./picture.ts";
 
@@ -9,11 +9,17 @@ const MOST_PIXELS = 100e6;
 export class Photo implements Picture {
   readonly kind = "photo";
 
+  readonly verticalFovRad: number | undefined;
+  readonly up: CameraFacts["up"];
+
   private constructor(
     readonly file: string | null,
     readonly source: HTMLCanvasElement,
-    readonly verticalFovRad: number | undefined,
-  ) {}
+    { verticalFovRad, up }: CameraFacts,
+  ) {
+    this.verticalFovRad = verticalFovRad;
+    this.up = up;
+  }
 
   /**
    * Reads a picture file.
@@ -30,9 +36,9 @@ export class Photo implements Picture {
       if (width * height > MOST_PIXELS) throw new Failure("photo-too-large");
       if (Math.min(width, height) < 32)
         throw new Failure("photo-unreadable", "smaller than 32 pixels");
-      const fov = verticalFovRad(await file.arrayBuffer(), width, height);
+      const facts = cameraFacts(await file.arrayBuffer(), width, height);
       const name = file instanceof File ? file.name : null;
-      return new Photo(name, drawn(bitmap, width, height), fov);
+      return new Photo(name, drawn(bitmap, width, height), facts);
     } finally {
       bitmap.close();
     }
@@ -41,7 +47,7 @@ export class Photo implements Picture {
   /** The frame that a live camera shows now, kept. */
   static of(picture: Picture): Photo {
     const { source, width, height } = picture;
-    return new Photo(picture.file, drawn(source, width, height), picture.verticalFovRad);
+    return new Photo(picture.file, drawn(source, width, height), picture);
   }
 
   get width(): number {

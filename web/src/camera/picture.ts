@@ -1,7 +1,7 @@
 /** What is on screen: the light is estimated from it, and the object stands in it. */
-import type { Frame } from "deeplight/core";
+import type { CameraFacts, Frame } from "deeplight/core";
 
-export interface Picture {
+export interface Picture extends CameraFacts {
   readonly kind: "live" | "photo";
   /** The name of its file; null for a camera's. */
   readonly file: string | null;
@@ -10,8 +10,6 @@ export interface Picture {
   readonly height: number;
   /** What can be drawn: always upright, never mirrored. */
   readonly source: HTMLVideoElement | HTMLCanvasElement;
-  /** Where the file gives it; undefined means that 66 degrees along the long side are assumed. */
-  readonly verticalFovRad: number | undefined;
   /** The pixels of now, at full size. */
   grab(): Promise<Frame>;
   /** Does something while the picture is as large as it can be. */

@@ -49,6 +49,7 @@ export class App {
   private wasLit: () => void = () => {};
   /** How the camera is held where no sensor says it. */
   tiltRad = ASSUMED_TILT_RAD;
+  private rollRad = 0;
   state: State = START;
   /** The newest light. */
   seen: Seen | null = null;
@@ -156,8 +157,9 @@ export class App {
       const picture = await Photo.open(await file);
       this.go({ what: "photo-opened", picture });
       this.forget();
-      this.isTiltKnown = tiltRad !== undefined;
-      this.show(picture, tiltRad ?? ASSUMED_TILT_RAD);
+      const pitchRad = tiltRad ?? (picture.up && Math.asin(-picture.up[2]));
+      this.isTiltKnown = pitchRad !== null;
+      this.show(picture, pitchRad ?? ASSUMED_TILT_RAD);
     } catch (error) {
       this.notice.show(error);
     }
@@ -203,7 +205,7 @@ export class App {
     const place = this.stage.place();
     this.isTiltKnown = true;
     if (this.state.shows === "frozen") {
-      this.state = { ...this.state, heldPose: worldFromCamera(0, this.tiltRad) };
+      this.state = { ...this.state, heldPose: this.startPose() };
     }
     if (this.state.shows !== "photo") this.forget(); // the light did not turn, our idea of the camera did
     this.stage.setPose(this.pose());
@@ -277,6 +279,7 @@ export class App {
   /** @param keepsPlace leaves the object where it stands: the same camera goes on. */
   private show(picture: Picture, tiltRad: number, keepsPlace = false): void {
     this.tiltRad = tiltRad;
+    this.rollRad = picture.up ? Math.atan2(picture.up[0], picture.up[1]) : 0;
     box("start").hidden = true;
     box("viewer").hidden = false;
     if (!history.state?.viewing) history.pushState({ viewing: true }, "");
@@ -367,7 +370,7 @@ export class App {
   }
 
   private startPose(): Matrix3x3 {
-    return worldFromCamera(0, this.tiltRad);
+    return worldFromCamera(0, this.tiltRad, this.rollRad);
   }
 
   /** As the file says or the slider was set; undefined leaves the usual to be assumed. */

@@ -114,9 +114,9 @@ export class Watch {
 
   private async still(picture: Picture): Promise<void> {
     const frame = await picture.grab();
-    const fov = this.watcher.verticalFovRad(picture);
+    const facts = { verticalFovRad: this.watcher.verticalFovRad(picture), up: picture.up };
     const isGone = () => this.picture !== picture;
-    const estimate = await this.estimator.estimate(frame, fov, PHOTO_ROWS, (first) => {
+    const estimate = await this.estimator.estimate(frame, facts, PHOTO_ROWS, (first) => {
       if (isGone()) return;
       this.watcher.looked({
         visualPose: null,

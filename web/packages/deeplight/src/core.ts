@@ -26,7 +26,7 @@ export { ballFromPanorama, rowSolidAngles, texelDirections } from "./light/panor
 export { Smoother } from "./light/smoother.ts";
 export { type Basis, keepBasis, makeBasis, SPHERES, type SphereName } from "./light/spheres.ts";
 export { Light } from "./light.ts";
-export { verticalFovRad } from "./photo/exif.ts";
+export { type CameraFacts, cameraFacts } from "./photo/camera-facts.ts";
 export { drawStill } from "./photo/still.ts";
 export { frameOfVideo, onEachFrame } from "./photo/video.ts";
 export { crc32 } from "./save/crc32.ts";

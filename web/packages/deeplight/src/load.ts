@@ -4,7 +4,7 @@ import { EstimateError } from "./errors.ts";
 import { headsIn } from "./estimate/confidence.ts";
 import { Estimator, type ModelFacts } from "./estimate/estimator.ts";
 import { lampsOf } from "./light/lamp.ts";
-import { IDENTITY, type Matrix3x3 } from "./light/matrix.ts";
+import { IDENTITY, type Matrix3x3, normalised, type Vector3 } from "./light/matrix.ts";
 import { Smoother } from "./light/smoother.ts";
 import { Light } from "./light.ts";
 import { type PhotoSource, taken } from "./photo/source.ts";
@@ -32,6 +32,8 @@ export interface LoadOptions {
 export interface EstimateOptions {
   /** Of the whole upright picture; else what a JPEG file gives, else 66 degrees along the long side. */
   readonly verticalFovRad?: number | undefined;
+  /** Against gravity, in the camera's frame; else what a JPEG file gives, else the network's guess. With `rows`. */
+  readonly up?: Vector3 | undefined;
   /**
    * Puts the photo's own pixels where the camera looked, and lamps at their size, into a panorama of
    * this number of rows (even, 64 to 2048): `Light.panorama`. Left out, the light is the network's alone.
@@ -155,7 +157,9 @@ export class LightEstimator {
     if (this.#isClosed) throw closed();
     const { frame, width, height, file, ...known } = await taken(source);
     const verticalFovRad = options.verticalFovRad ?? known.verticalFovRad;
-    const estimate = await this.estimator.estimate(frame, verticalFovRad, options.rows);
+    const up = options.up ? normalised(options.up) : known.up;
+    const facts = { verticalFovRad, up };
+    const estimate = await this.estimator.estimate(frame, facts, options.rows);
     if (!estimate) throw closed();
     const photo = { file, width, height };
     const heads = headsIn(estimate.others, this.model.contract);

@@ -5,6 +5,7 @@ import type { Environment } from "../light/environment.ts";
 import { Lighting } from "../light/lighting.ts";
 import type { Contract } from "../network/contract.ts";
 import type { Dense } from "../network/onnx.ts";
+import type { CameraFacts } from "../photo/camera-facts.ts";
 import type { SceneLight } from "../scene/scene-light.ts";
 import type { Confidence } from "./confidence.ts";
 import type { Progress } from "./download.ts";
@@ -89,7 +90,7 @@ export class Estimator {
 
   /**
    * The light of an upright, opaque frame, which is closed. Without a field of view the long side is
-   * taken to span 66 degrees. Null when a newer frame took its place, after `close`, and where
+   * taken to span 66 degrees, without `up` it is the network's guess. Null when a newer frame took its place, after `close`, and where
    * `loaded` fails.
    *
    * @param sceneRows also puts the photo into its light: a panorama of this number of rows.
@@ -97,11 +98,11 @@ export class Estimator {
    */
   async estimate(
     frame: Frame,
-    verticalFovRad?: number,
+    { verticalFovRad, up }: Partial<CameraFacts> = {},
     sceneRows?: number,
     first?: (estimate: Estimate) => void,
   ): Promise<Estimate | null> {
-    const request = { frame, verticalFovRad, sceneRows };
+    const request = { frame, verticalFovRad, up, sceneRows };
     const answer = await this.#asked(request, (one) => first?.(estimateOf(one)));
     return isRecord(answer) && "logRadiance" in answer ? estimateOf(answer) : null;
   }

@@ -3,8 +3,8 @@
 import { EstimateError, type EstimateErrorKind } from "../errors.ts";
 import type { Environment } from "../light/environment.ts";
 import { type Lamp, lampsOf } from "../light/lamp.ts";
-import { Lighting } from "../light/lighting.ts";
-import type { Matrix3x3 } from "../light/matrix.ts";
+import type { Matrix3x3, Vector3 } from "../light/matrix.ts";
+import { radianceOfBall } from "../light/mirror-ball.ts";
 import type { Contract } from "../network/contract.ts";
 import { Network, requireFinite } from "../network/network.ts";
 import type { Dense } from "../network/onnx.ts";
@@ -32,11 +32,17 @@ interface WithFrame {
   readonly verticalFovRad: number | undefined;
 }
 
+interface Alone {
+  readonly sceneRows?: number | undefined;
+  /** Against gravity, camera frame, where that is known. */
+  readonly up?: Vector3 | null | undefined;
+}
+
 export type Request =
   /** The address of a model file, or its bytes. */
   | { readonly load: string | Uint8Array }
   /** One frame for itself; with `sceneRows` put into its light, a panorama of this number of rows. */
-  | (WithFrame & { readonly sceneRows?: number | undefined })
+  | (WithFrame & Alone)
   /** One of many frames of a place. */
   | (WithFrame & { readonly track: TrackRequest })
   /** The light of all tracked frames once more, in a camera's frame. */
@@ -120,7 +126,7 @@ self.onmessage = ({ data }: MessageEvent<Request>) => {
         ? tracker
             .next(whenLoaded(), picker, data.frame, data.verticalFovRad, data.track)
             .then((tracked) => ({ tracked }))
-        : estimate(data.frame, data.verticalFovRad, data.sceneRows);
+        : estimate(data);
     answer.then(reply, (error: unknown) => reply({ failed: faultOf(error) }));
   }
 };
@@ -164,12 +170,13 @@ async function whenLoaded(): Promise<Network> {
   return network;
 }
 
-async function estimate(frame: Frame, fov?: number, sceneRows?: number): Promise<Answer> {
+async function estimate(asked: WithFrame & Alone): Promise<Answer> {
+  const { frame, verticalFovRad, sceneRows } = asked;
   const network = await whenLoaded();
   const { contract } = network;
   const started = performance.now();
   const photo = sizeOf(frame);
-  const framing = framePhoto(photo.height, photo.width, fov, contract);
+  const framing = framePhoto(photo.height, photo.width, verticalFovRad, contract);
   const means = new CellMeans(framing);
   const plane = planeOf(photo, framing.verticalFovRad);
   const small = sceneRows ? reducedSize(photo, plane, sceneRows) : null;
@@ -188,9 +195,9 @@ async function estimate(frame: Frame, fov?: number, sceneRows?: number): Promise
   if (!whole || !small || !sceneRows) return answer;
   reply({ first: answer });
   const placed = { ...small, pixels: whole.rgb(isReversed), plane };
-  const ball = new Lighting(logRadiance).radiance();
+  const ball = radianceOfBall(logRadiance, contract.output_size);
   const heads = headsIn(others, contract);
-  const up = heads && upOf(heads);
+  const up = asked.up ?? (heads && upOf(heads));
   const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract), up);
   if (heads) return { ...answer, scene, confidence: surenessOf(heads, logRadiance, placed) };
   const answers = [

@@ -1,43 +1,45 @@
-/** The field of view that a JPEG's EXIF data gives, as io/exif.py reads it: the 35 mm equivalent. */
+/** Entries of a JPEG's EXIF data. */
 
-const DIAGONAL_35MM_MM = Math.hypot(36, 24);
-const EXIF_IFD = 0x8769;
-const FOCAL_LENGTH_35MM = 0xa405;
-const SHORT = 3;
-const PLAUSIBLE_RAD = [Math.PI / 60, (150 * Math.PI) / 180] as const;
-
-/** Vertical field of view of the upright photo; undefined where the file says nothing plausible. */
-export function verticalFovRad(
-  file: ArrayBuffer,
-  width: number,
-  height: number,
-): number | undefined {
-  const focalMm = focalLength35mm(file);
-  if (!focalMm) return undefined;
-  const focalPx = (focalMm / DIAGONAL_35MM_MM) * Math.hypot(width, height);
-  const fov = 2 * Math.atan(height / 2 / focalPx);
-  return fov >= PLAUSIBLE_RAD[0] && fov <= PLAUSIBLE_RAD[1] ? fov : undefined;
+/** An entry: the type of its values, and where they lie. */
+interface Entry {
+  readonly type: number;
+  readonly values: DataView;
 }
 
-/** FocalLengthIn35mmFilm in millimetres; undefined where there is none or the data is damaged. */
-export function focalLength35mm(file: ArrayBuffer): number | undefined {
+/** Entries of a directory by their numbers. */
+export type Entries = ReadonlyMap<number, Entry>;
+
+export interface Exif {
+  /** The picture itself. */
+  readonly main: Entries;
+  /** How it was taken. */
+  readonly camera: Entries;
+  readonly isLittle: boolean;
+}
+
+const CAMERA = 0x8769;
+const [SHORT, LONG, RATIONAL, SIGNED_LONG] = [3, 4, 5, 9];
+export const SIGNED_RATIONAL = 10;
+const BYTES_OF_TYPE = [0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8];
+
+/** Null where there is none, or where it is damaged. */
+export function exifOf(file: ArrayBuffer): Exif | null {
   try {
     const tiff = tiffOf(new DataView(file));
-    if (!tiff) return undefined;
-    const little = tiff.getUint16(0) === 0x4949;
-    const exif = entry(tiff, tiff.getUint32(4, little), EXIF_IFD, little);
-    const focal = exif && entry(tiff, tiff.getUint32(exif + 8, little), FOCAL_LENGTH_35MM, little);
-    if (!focal || tiff.getUint16(focal + 2, little) !== SHORT) return undefined;
-    return tiff.getUint16(focal + 8, little) || undefined;
+    if (!tiff) return null;
+    const isLittle = tiff.getUint16(0) === 0x4949;
+    const main = entriesAt(tiff, tiff.getUint32(4, isLittle), isLittle);
+    const at = numberOf(main.get(CAMERA), isLittle);
+    return { main, camera: at ? entriesAt(tiff, at, isLittle) : new Map(), isLittle };
   } catch (error) {
-    if (error instanceof RangeError) return undefined; // an offset outside the file
+    if (error instanceof RangeError) return null; // an offset outside the file
     throw error;
   }
 }
 
 /** The TIFF block inside a JPEG's APP1 segment. */
-function tiffOf(file: DataView): DataView | undefined {
-  if (file.byteLength < 4 || file.getUint16(0) !== 0xffd8) return undefined;
+function tiffOf(file: DataView): DataView | null {
+  if (file.byteLength < 4 || file.getUint16(0) !== 0xffd8) return null;
   let at = 2;
   while (at + 4 <= file.byteLength && file.getUint8(at) === 0xff) {
     const marker = file.getUint16(at);
@@ -45,23 +47,39 @@ function tiffOf(file: DataView): DataView | undefined {
     if (marker === 0xffe1 && file.getUint32(at + 4) === 0x45786966) {
       return new DataView(file.buffer, file.byteOffset + at + 10, length - 8);
     }
-    if (marker === 0xffda) return undefined; // pixels begin
+    if (marker === 0xffda) return null; // pixels begin
     at += 2 + length;
   }
-  return undefined;
+  return null;
 }
 
-/** Where the entry of `tag` lies in the directory at `directory`. */
-function entry(
-  tiff: DataView,
-  directory: number,
-  tag: number,
-  little: boolean,
-): number | undefined {
-  const count = tiff.getUint16(directory, little);
-  for (let i = 0; i < count; i++) {
-    const at = directory + 2 + 12 * i;
-    if (tiff.getUint16(at, little) === tag) return at;
+/** All entries of the directory at `directory` but those that lie outside, or their values. */
+export function entriesAt(tiff: DataView, directory: number, isLittle: boolean): Entries {
+  const found = new Map<number, Entry>();
+  if (directory + 2 > tiff.byteLength) return found;
+  const count = tiff.getUint16(directory, isLittle);
+  const end = Math.min(directory + 2 + 12 * count, tiff.byteLength - 11);
+  for (let at = directory + 2; at < end; at += 12) {
+    const type = tiff.getUint16(at + 2, isLittle);
+    const bytes = tiff.getUint32(at + 4, isLittle) * (BYTES_OF_TYPE[type] ?? 0);
+    const start = bytes > 4 ? tiff.getUint32(at + 8, isLittle) : at + 8;
+    if (start + bytes > tiff.byteLength) continue;
+    const values = new DataView(tiff.buffer, tiff.byteOffset + start, bytes);
+    found.set(tiff.getUint16(at, isLittle), { type, values });
   }
-  return undefined;
+  return found;
+}
+
+/** Its first number; undefined where it has none, or the standard's word for unknown (CIPA DC-008). */
+export function numberOf(entry: Entry | undefined, isLittle: boolean): number | undefined {
+  if (!entry?.values.byteLength) return undefined;
+  const { type, values } = entry;
+  if (type === SHORT) return values.getUint16(0, isLittle);
+  if (type === LONG) return values.getUint32(0, isLittle);
+  if (type === SIGNED_LONG) return values.getInt32(0, isLittle);
+  if (type !== RATIONAL && type !== SIGNED_RATIONAL) return undefined;
+  const [above, below] = [0, 4].map((at) =>
+    type === RATIONAL ? values.getUint32(at, isLittle) : values.getInt32(at, isLittle),
+  );
+  return below === 0 || below === -1 || below === 0xffffffff ? undefined : above! / below!;
 }

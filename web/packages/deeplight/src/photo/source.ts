@@ -1,6 +1,6 @@
 /** Whatever holds a picture, as a frame for the worker; the caller keeps what it gave. */
 import type { Frame } from "../estimate/picker.ts";
-import { verticalFovRad } from "./exif.ts";
+import { type CameraFacts, cameraFacts } from "./camera-facts.ts";
 import { drawStill } from "./still.ts";
 import { frameOfVideo } from "./video.ts";
 
@@ -14,14 +14,12 @@ export type PhotoSource =
   | ImageData
   | VideoFrame;
 
-export interface Taken {
+export interface Taken extends CameraFacts {
   readonly frame: Frame;
   readonly width: number;
   readonly height: number;
   /** The name of its file, where it has one. */
   readonly file: string | null;
-  /** Where the file gives it: the 35 mm equivalent in a JPEG's EXIF data. */
-  readonly verticalFovRad: number | undefined;
 }
 
 /** @throws RangeError where there are no pixels, DOMException where they cannot be read. */
@@ -41,13 +39,13 @@ export async function taken(source: PhotoSource): Promise<Taken> {
   return still(source, source.width, source.height);
 }
 
-const NOTHING_KNOWN = { file: null, verticalFovRad: undefined };
+const NOTHING_KNOWN = { file: null, verticalFovRad: undefined, up: null };
 
 async function fromFile(file: Blob): Promise<Taken> {
   const bitmap = await createImageBitmap(file);
-  const fov = verticalFovRad(await file.arrayBuffer(), bitmap.width, bitmap.height);
+  const facts = cameraFacts(await file.arrayBuffer(), bitmap.width, bitmap.height);
   const name = typeof File !== "undefined" && file instanceof File ? file.name : null;
-  return { ...fromBitmap(bitmap), file: name, verticalFovRad: fov };
+  return { ...fromBitmap(bitmap), file: name, ...facts };
 }
 
 function fromBitmap(bitmap: ImageBitmap): Taken {
