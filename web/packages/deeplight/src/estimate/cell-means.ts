@@ -163,11 +163,15 @@ export class CellMeans {
     return result;
   }
 
-  /** The same as RGB pixels, rows from the top: 0 to 1. */
-  rgb(isReversed = false): Float32Array {
-    const planes = this.planes(0, 1, isReversed);
+  /** The same as RGB pixels, rows from the top: 0 to `white`. */
+  rgb(isReversed = false, white = 1): Float32Array {
+    const planes = this.planes(0, white, isReversed);
     const count = planes.length / 3;
-    return planes.map((_, i) => planes[(i % 3) * count + Math.floor(i / 3)]!);
+    const result = new Float32Array(planes.length);
+    for (let cell = 0, to = 0; cell < count; cell++) {
+      for (let c = 0; c < 3; c++) result[to++] = planes[c * count + cell]!;
+    }
+    return result;
   }
 
   #flush(): void {

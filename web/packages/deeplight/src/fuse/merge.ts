@@ -272,10 +272,12 @@ function upOf(views: readonly View[]): Vector3 {
 
 /** Sine of the elevation of directions (world). */
 function rising(directions: Float32Array, up: Vector3): Float32Array {
-  return Float32Array.from({ length: directions.length / 3 }, (_, i) => {
-    const [x, y, z] = directions.subarray(3 * i, 3 * i + 3);
-    return x! * up[0] + y! * up[1] + z! * up[2];
-  });
+  const result = new Float32Array(directions.length / 3);
+  for (let i = 0, from = 0; i < result.length; i++, from += 3) {
+    result[i] =
+      directions[from]! * up[0] + directions[from + 1]! * up[1] + directions[from + 2]! * up[2];
+  }
+  return result;
 }
 
 /** Radiance summed over all directions that the estimates speak for, RGB. */

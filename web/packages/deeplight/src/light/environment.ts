@@ -29,8 +29,9 @@ export function resized(
 ): Float32Array {
   if (rows >= height) return enlarged(values, height, rows, channels);
   const sr = rowSolidAngles(height);
-  const weights = Float32Array.from({ length: 2 * height * height }, (_, i) => {
-    return sr[Math.floor(i / (2 * height))]!;
+  const weights = new Float32Array(2 * height * height);
+  sr.forEach((own, row) => {
+    weights.fill(own, 2 * height * row, 2 * height * (row + 1));
   });
   const weighted = values.map((value, i) => value * weights[Math.floor(i / channels)]!);
   const [from, to] = [
