@@ -1,6 +1,6 @@
 """Small networks for tests of files that hold them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -8,6 +8,8 @@ import pytest
 import torch
 
 from deeplight.cli.main import main
+from deeplight.contract import ModelContract
+from deeplight.deploy.onnx import export_onnx
 from deeplight.training import checkpoint, model_file, slim
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.network import mobilenet_v2
@@ -27,6 +29,13 @@ def shallow() -> Iterator[None]:
         for module in (mobilenet_v2, model_file, slim):
             patch.setattr(module, "STAGES", stages)
         yield
+
+
+def written_shallow(network: Callable[[], Generator], contract: ModelContract, path: Path) -> Path:
+    """Export what `network` makes of few blocks, in full precision."""
+    with shallow():
+        export_onnx(network(), contract, path, float16=False)
+    return path
 
 
 def lamps_network() -> tuple[Generator, TrainConfig]:

@@ -9,7 +9,6 @@ import torch
 
 from deeplight.contract import HEADS, ModelContract
 from deeplight.deploy.network import Refinement, write_network
-from deeplight.deploy.onnx import export_onnx
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.sureness import Sureness, camera_record, sureness_of
 from deeplight.estimators.upright import SURE_CHANCE, turn_notes
@@ -25,7 +24,7 @@ from deeplight.training.heads import (
 )
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, NetworkConfig
-from networks import shallow
+from networks import written_shallow
 
 SMALL = NetworkConfig(
     latent_size=32, decoder_widths=(8, 8), encoder_norm="none", decoder_norm="none", width=0.35,
@@ -90,10 +89,7 @@ def test_scales_hold_in_new_places_that_of_colour_in_new_takes() -> None:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """That network, of few blocks, as a file."""
-    path = tmp_path_factory.mktemp("heads") / "heads.onnx"
-    with shallow():
-        export_onnx(network(), CONTRACT, path, float16=False)
-    return path
+    return written_shallow(network, CONTRACT, tmp_path_factory.mktemp("heads") / "heads.onnx")
 
 
 def test_scales_set_anew_change_nothing_else_in_the_file(

@@ -20,7 +20,7 @@ from deeplight.training.network.generator import (
     chroma,
 )
 from deeplight.training.slim import start_from
-from networks import shallow
+from networks import written_shallow
 
 SMALL = NetworkConfig(
     latent_size=32,
@@ -111,10 +111,7 @@ def test_a_new_network_gives_the_photos_colour_no_part() -> None:
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("lamps") / "lamps.onnx"
-    with shallow():
-        export_onnx(network(), CONTRACT, path, float16=False)
-    return path
+    return written_shallow(network, CONTRACT, tmp_path_factory.mktemp("lamps") / "lamps.onnx")
 
 
 @torch.no_grad()
