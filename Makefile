@@ -14,17 +14,18 @@ EXTRAS := capture,cluster,dev,heic,litert,raw,render,sun,train,usd
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test slow lint coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci npm-package npm-test release release-test release-version clean
+.PHONY: help run test test-lab slow lint coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci npm-package npm-test release release-test release-version clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
 	@echo "make test   run the tests (installs everything, CPU torch too)"
-	@echo "make slow   the long tests that make test leaves out (minutes each)"
+	@echo "make test-lab  the tests of the experiments in lab/, which are no part of the program"
+	@echo "make slow   the long tests that both leave out (minutes each)"
 	@echo "make lint   ruff, mypy, import rules"
 	@echo "make docs   the documents as a site, with the API reference, in out/site"
 	@echo "make coverage  the tests, and that they reach 95 % of the lines"
 	@echo "make fuzz   damaged files of every format into every reader (CASES=per format)"
-	@echo "make ci     what CI runs: lint, the live page's tests (if there is node), test"
+	@echo "make ci     what CI runs: lint, the live page's tests (if there is node), test, test-lab"
 	@echo "make bench  measure speeds (DATA=folder: a data set from deeplight simulate)"
 	@echo "make results evaluate the model on DATA and rewrite the numbers in the documents"
 	@echo "make ablation  train and measure table 1 and the learning curve on DATA (IMAGENET=weights)"
@@ -46,12 +47,15 @@ SHARED_OUT := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 # Large arrays stay with the process that frees them: asking the system for each anew took a
 # seventh of the tests' time. And modules are compiled once, not in each process.
-test coverage: export MALLOC_MMAP_THRESHOLD_ ?= 268435456
-test coverage: export MALLOC_TRIM_THRESHOLD_ ?= 1073741824
+test test-lab coverage: export MALLOC_MMAP_THRESHOLD_ ?= 268435456
+test test-lab coverage: export MALLOC_TRIM_THRESHOLD_ ?= 1073741824
 unexport PYTHONDONTWRITEBYTECODE
 
 test: $(VENV)/.installed-test
-	$(BIN)/pytest $(SHARED_OUT)
+	$(BIN)/pytest $(SHARED_OUT) --ignore=tests/lab
+
+test-lab: $(VENV)/.installed-test
+	$(BIN)/pytest $(SHARED_OUT) tests/lab
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
@@ -63,7 +67,7 @@ slow: $(VENV)/.installed-test
 	$(BIN)/pytest -m slow -n $(JOBS) --timeout 3600
 
 coverage: $(VENV)/.installed-test
-	$(BIN)/pytest $(SHARED_OUT) --cov=deeplight --cov-report=term-missing:skip-covered --cov-fail-under=95
+	$(BIN)/pytest $(SHARED_OUT) --ignore=tests/lab --cov=deeplight --cov-report=term-missing:skip-covered --cov-fail-under=95
 
 CASES ?= 1000
 
@@ -75,7 +79,7 @@ docs: $(VENV)/.installed-base
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 # The page is built before the tests, since some of them look at it.
-ci: lint web-ci test
+ci: lint web-ci test test-lab
 
 web-ci:
 	@if command -v npm >/dev/null && node -e 'process.exit(process.versions.node.split(".")[0] < 20 ? 1 : 0)'; \
