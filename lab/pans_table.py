@@ -298,7 +298,9 @@ def rotation_table(panoramas: Sequence[np.ndarray]) -> None:
         errors, fovs, placed, count = [], [], 0, 0
         for panorama in panoramas:
             pan = film_pan(panorama, Sweep(18), troubles, np.random.default_rng(7), (384, 216))
-            found = track([f.pixels for f in pan.frames], float(np.radians(60)), fov_known=False)
+            guessed = float(np.radians(60))
+            pictures = [frame.pixels for frame in pan.frames]
+            found = track(pictures, [guessed] * len(pictures), fov_known=False)
             placed, count = placed + len(found.rotations), count + len(pan.frames)
             if not found.rotations:
                 continue
@@ -307,7 +309,7 @@ def rotation_table(panoramas: Sequence[np.ndarray]) -> None:
                 angle_between(first.T @ pan.frames[k].rotation, turn)
                 for k, turn in found.rotations.items()
             ]
-            fovs.append(np.degrees(found.vertical_fov_rad))
+            fovs.append(np.degrees(2 * np.arctan(np.tan(guessed / 2) * found.scale)))
         off = np.degrees(errors)
         middle = f"{np.median(off):.2f}° | {off.max():.1f}°"
         print(f"| {name} | {placed} of {count} | {middle} | {np.mean(fovs):.1f}° (true 66°) |")

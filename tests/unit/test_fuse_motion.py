@@ -166,8 +166,8 @@ def test_what_no_picture_can_confirm_is_believed_and_said(tmp_path: Path) -> Non
 def test_poses_in_other_axes_are_said_to_contradict(axes_deg: int) -> None:
     axes = rotation("z", np.radians(axes_deg))
     frames = [
-        replace(shown, world_from_camera=frame.rotation @ axes)
+        replace(shown, world_from_camera=frame.rotation @ axes, vertical_fov_rad=FOV)
         for shown, frame in zip(source_frames(), pan().frames, strict=True)
     ]
-    notes = contradiction(frames, FOV)
+    notes = contradiction(frames)
     assert len(notes) == (1 if axes_deg else 0)

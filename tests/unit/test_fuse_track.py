@@ -18,6 +18,10 @@ def pan() -> Pan:
     return made_up_pans.pan(15, Troubles(people=2, blur_rad=0.004))
 
 
+def tracked(pictures: list[np.ndarray]) -> Tracked:
+    return track(pictures, [FOV] * len(pictures), fov_known=True)
+
+
 def errors(found: Tracked, truth: Pan) -> np.ndarray:
     first = truth.frames[min(found.rotations)].rotation
     return np.degrees(
@@ -29,14 +33,14 @@ def errors(found: Tracked, truth: Pan) -> np.ndarray:
 
 
 def test_a_full_turn_closes() -> None:
-    found = track([frame.pixels for frame in pan().frames], FOV, fov_known=True)
+    found = tracked([frame.pixels for frame in pan().frames])
     assert len(found.rotations) == 15
     assert errors(found, pan()).max() < 0.5
 
 
 def test_pictures_out_of_order_find_each_other() -> None:
     order = [3, 4, 5, 6, 10, 11, 12, 7, 8, 9]
-    found = track([pan().frames[k].pixels for k in order], FOV, fov_known=True)
+    found = tracked([pan().frames[k].pixels for k in order])
     assert len(found.rotations) == len(order)
     first = pan().frames[order[0]].rotation
     off = [
@@ -47,22 +51,42 @@ def test_pictures_out_of_order_find_each_other() -> None:
 
 
 def test_the_field_of_view_is_refined() -> None:
-    found = track([frame.pixels for frame in pan().frames], float(np.radians(58)), fov_known=False)
-    assert abs(np.degrees(found.vertical_fov_rad) - 66) < 1
+    guessed = float(np.radians(58))
+    found = track([frame.pixels for frame in pan().frames], [guessed] * 15, fov_known=False)
+    assert abs(np.degrees(2 * np.arctan(np.tan(guessed / 2) * found.scale)) - 66) < 1
     assert errors(found, pan()).max() < 1
+
+
+def lying(picture: np.ndarray) -> np.ndarray:
+    """The middle of a picture, wider than high."""
+    rows, columns, _ = picture.shape
+    height = columns * 5 // 6
+    return picture[(rows - height) // 2 : (rows + height) // 2]
+
+
+def test_pictures_of_several_fields_of_view_are_placed_together() -> None:
+    upright = [frame.pixels for frame in pan().frames[:5]]
+    pictures = [lying(one) if k % 2 else one for k, one in enumerate(upright)]
+    heights = [one.shape[0] / upright[0].shape[0] for one in pictures]
+    fovs = [2 * float(np.arctan(np.tan(FOV / 2) * height)) for height in heights]
+    found = track(pictures, fovs, fov_known=True)
+    assert len(found.rotations) == 5
+    assert errors(found, pan()).max() < 0.5
+    alike = track(pictures, [FOV] * 5, fov_known=True)
+    assert len(alike.rotations) < 5
 
 
 def test_a_picture_from_elsewhere_is_not_placed() -> None:
     pictures = [frame.pixels for frame in pan().frames[:5]]
     pictures.insert(2, np.random.default_rng(0).integers(0, 255, (320, 180, 3)).astype(np.uint8))
-    assert sorted(track(pictures, FOV, fov_known=True).rotations) == [0, 1, 3, 4, 5]
+    assert sorted(tracked(pictures).rotations) == [0, 1, 3, 4, 5]
 
 
 def test_blank_pictures_place_nothing() -> None:
-    assert track([np.full((320, 180, 3), 120, np.uint8)] * 3, FOV, fov_known=True).rotations == {}
+    assert tracked([np.full((320, 180, 3), 120, np.uint8)] * 3).rotations == {}
 
 
 def test_the_error_measure_sees_a_wrong_rotation() -> None:
-    found = track([frame.pixels for frame in pan().frames[:4]], FOV, fov_known=True)
+    found = tracked([frame.pixels for frame in pan().frames[:4]])
     turned = {k: turn @ world_from_camera(0.05 * k) for k, turn in found.rotations.items()}
-    assert errors(Tracked(turned, FOV, 0.0), pan()).max() > 5
+    assert errors(Tracked(turned, 1.0, 0.0), pan()).max() > 5

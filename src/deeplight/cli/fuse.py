@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from deeplight.errors import InputError
     from deeplight.fuse.frame import SourceFrame
     from deeplight.fuse.fuse import Fused
-    from deeplight.fuse.poses import Poses
     from deeplight.io.kept_folder import KeptFolder
 
 
@@ -51,8 +50,8 @@ class Args:
     level: bool = False
     """Turn the light so that +Y is against gravity, whatever the frame's tilt."""
     fov: float | None = None
-    """Vertical field of view of the upright frames in degrees. Default: from EXIF data, else found
-    from the pictures."""
+    """Vertical field of view of the first upright frame in degrees, and its camera's. Default: each
+    photo's own from EXIF data, else found from the pictures."""
     height: int = 512
     """Rows of the environment, 64 to 2048."""
     model: Path | None = None
@@ -139,7 +138,7 @@ def _fused(
     """The light, its files, and what was left out."""
     from deeplight.cli.flags import refuse_unused
     from deeplight.estimators.open import open_model
-    from deeplight.fuse.frame import frame_of
+    from deeplight.fuse.frame import frame_of, with_fields_of_view
     from deeplight.fuse.fuse import FuseSettings, fuse_frames
     from deeplight.fuse.motion import contradiction, with_motion
     from deeplight.fuse.poses import read_poses
@@ -153,14 +152,14 @@ def _fused(
     poses = None if args.poses is None else read_poses(args.poses, _upright(paths[0]))
     estimator = open_model(args.model)
     frames = read_frames(paths, poses, kept, args.workers, complain)
+    frames = with_fields_of_view(frames, args.fov and math.radians(args.fov))
     notes = []
     if poses is not None:
-        posed = [_posed(frame, poses, args.fov) for frame in frames]
+        posed = [replace(f, world_from_camera=poses.at(f.number, f.time_s)) for f in frames]
         frames = [frame for frame in posed if frame.world_from_camera is not None]
         if len(frames) < len(posed):
             notes.append(f"{len(posed) - len(frames)} without a pose left out")
-        said = frames[0].vertical_fov_rad if frames else None
-        notes += contradiction(frames, math.radians(args.fov) if args.fov else said)
+        notes += contradiction(frames)
     elif is_video(paths[0]):
         frames, found = with_motion(frames, paths[0], args.fov and math.radians(args.fov))
         notes += found
@@ -168,7 +167,7 @@ def _fused(
         refuse_unused(args, "with panoramas, which say it themselves", "fov")
     front = None if args.front is None else frame_of(read_photo(args.front), args.front.name, -1)
     asked = _place(frames, args.frame, is_clip=kept is not None or is_video(paths[0]))
-    settings = FuseSettings(args.fov, asked, args.level, args.height)
+    settings = FuseSettings(None, asked, args.level, args.height)
     fused = fuse_frames(frames, estimator, settings, front, kept)
     tool = TOOLS.get(args.made_for or "")
     turn = tool.turn if tool else None
@@ -191,15 +190,6 @@ def _check(args: Args) -> None:
         raise ConfigError("at least 0 workers", f"{args.workers}", "correct it")
     if args.session is not None and args.session.suffix != ".npz":
         raise ConfigError("--session FILE.npz", f"{args.session}", "rename it")
-
-
-def _posed(frame: "SourceFrame", poses: "Poses", fov_deg: float | None) -> "SourceFrame":
-    """A frame turned as the file says; a photo's field of view is the one given, if one is."""
-    fov_rad = frame.vertical_fov_rad
-    if fov_deg is not None and frame.world_from_camera is None:  # not a part of a panorama
-        fov_rad = math.radians(fov_deg)
-    turn = poses.at(frame.number, frame.time_s)
-    return replace(frame, world_from_camera=turn, vertical_fov_rad=fov_rad)
 
 
 def _upright(path: Path) -> bool:

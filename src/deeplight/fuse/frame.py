@@ -1,7 +1,8 @@
 """One frame to fuse: a photo or a clip's still made small, with what its file says."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from deeplight.fuse.track import WORKING_SIDE
 from deeplight.io.exif import exif_directories, number
 from deeplight.io.photos import Photo
 from deeplight.io.tilt import tilt_of
+from deeplight.preprocess import frame_photo
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,44 @@ def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> Sourc
         notes=photo.notes,
         up=None if tilt is None else tilt.up,
     )
+
+
+def with_fields_of_view(
+    frames: Sequence[SourceFrame], fov_rad: float | None = None
+) -> list[SourceFrame]:
+    """Frames of which all know their vertical field of view, or none does.
+
+    A frame keeps what its own file says. One that says nothing is of the same camera as the first
+    that does, which may have been held the other way: as wide along the longer side.
+
+    Args:
+        frames: in the order given.
+        fov_rad: of the first, if somebody gives it; then all but parts of panoramas are its
+            camera's.
+    """
+    if not frames:
+        return []
+    if fov_rad is None:
+        own = [frame.vertical_fov_rad for frame in frames]
+        first = next((k for k, fov in enumerate(own) if fov is not None), 0)
+        fov_rad = own[first]
+    else:
+        own = [f.vertical_fov_rad if f.world_from_camera is not None else None for f in frames]
+        first = 0
+    if fov_rad is None:
+        return list(frames)
+    shape = frames[first].pixels.shape
+    longer = math.tan(fov_rad / 2) * max(shape) / shape[0]
+    alike = [2 * math.atan(longer * f.pixels.shape[0] / max(f.pixels.shape)) for f in frames]
+    return [
+        replace(frame, vertical_fov_rad=said or same)
+        for frame, said, same in zip(frames, own, alike, strict=True)
+    ]
+
+
+def field_of_view(frame: SourceFrame) -> float:
+    """The vertical field of view that a frame's file says, else the assumed one."""
+    return frame.vertical_fov_rad or frame_photo(*frame.pixels.shape[:2]).vertical_fov_rad
 
 
 def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:

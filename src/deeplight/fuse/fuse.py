@@ -2,23 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import degrees, radians
+from math import atan, degrees, radians, tan
 
 import numpy as np
 from jaxtyping import Float
 
 from deeplight.environment import Environment
-from deeplight.errors import ConfigError, ImageFileError
+from deeplight.errors import ConfigError, ImageFileError, ShapeError
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.frames import UP, Rotation, normalised, rotation
-from deeplight.fuse.frame import SourceFrame, frame_of
+from deeplight.fuse.frame import SourceFrame, field_of_view, frame_of, with_fields_of_view
 from deeplight.fuse.poses import nearest_rotation
 from deeplight.fuse.session import Session
 from deeplight.fuse.track import Tracked, track
 from deeplight.fuse.view import HEIGHT
 from deeplight.io.kept_folder import KeptFolder
 from deeplight.io.photo_like import PhotoLike, as_photo
-from deeplight.preprocess import frame_photo
 
 _LEVEL_SPREAD = 0.02  # least spread of where cameras' right sides point, to find up from it
 FRONT_FROM_BACK = rotation("y", np.pi)
@@ -30,8 +29,9 @@ class FuseSettings:
     """How to fuse.
 
     Attributes:
-        fov_deg: vertical field of view of the upright frames; None to take it from EXIF data, and
-            else to assume 66 degrees along the long side and refine that.
+        fov_deg: vertical field of view of the first frame, upright; the others are then the same
+            camera's. None to take each frame's from EXIF data, and else to assume 66 degrees along
+            the long side and refine that.
         frame: the frame (its place among those given) whose camera and white the light is in; None
             for the first one that can be placed.
         level: turn the result so that +Y is against gravity.
@@ -54,7 +54,7 @@ class Fused:
         rotations: of the placed ones: `frame_from_camera`, the environment's frame.
         log_gain: ln of each kept view's exposure and white balance, by frame number.
         dropped: frames that could not be placed.
-        vertical_fov_rad: as used.
+        vertical_fov_rad: as used, of the frame whose camera the light is in.
         notes: what the user should know.
         session: everything, to go on with.
     """
@@ -93,13 +93,18 @@ def fuse_views(
     """
     from deeplight.estimators.open import open_model
 
+    if rotations is not None and len(rotations) != len(photos):
+        got = f"{len(rotations)} for {len(photos)} photos"
+        raise ShapeError("a rotation for each photo", got, "give as many")
     frames = []
     for number, photo in enumerate(photos):
         opened = as_photo(photo)
         name = opened.source.name if opened.source else f"photo {number}"
-        frame = frame_of(opened, name, number)
-        turn = None if rotations is None else np.asarray(rotations[number], float)
-        frames.append(replace(frame, world_from_camera=turn))
+        frames.append(frame_of(opened, name, number))
+    frames = with_fields_of_view(frames, settings.fov_deg and radians(settings.fov_deg))
+    if rotations is not None:
+        turns = (np.asarray(turn, float) for turn in rotations)
+        frames = [replace(f, world_from_camera=turn) for f, turn in zip(frames, turns, strict=True)]
     return fuse_frames(frames, estimator or open_model(), settings).environment
 
 
@@ -123,22 +128,25 @@ def fuse_frames(
         ConfigError: no such frame, or level cannot be found.
         ImageFileError: nothing can be placed, the frame asked for among it.
     """
+    if not frames:
+        raise ImageFileError("photos to fuse", "none", "give some")
     if not 0 <= (settings.frame or 0) < len(frames):
         got = f"{settings.frame} of {len(frames)} frames"
         raise ConfigError("--frame among the frames used, from 0", got, "give another number")
-    fov, known = _field_of_view(frames, settings)
-    turns, fov, notes = _placed(frames, fov, known, front is not None, kept)
+    frames = with_fields_of_view(frames, settings.fov_deg and radians(settings.fov_deg))
+    turns, fovs, notes = _placed(frames, front is not None, kept)
     asked = min(turns) if settings.frame is None else settings.frame
     if asked not in turns:
         got = f"{frames[asked].name}, which could not be placed"
         raise ImageFileError("a frame that shows what others show", got, "give another --frame")
     if settings.frame is None and asked > 0:
         notes.append(f"the light is in the camera of {frames[asked].name}: none before was placed")
+    fov = fovs[asked]
     session = Session(fov, lambda pixels: _estimated(estimator, pixels, fov))
-    estimates = _estimates(frames, list(turns), estimator, fov, kept)
+    estimates = _estimates(frames, fovs, list(turns), estimator, kept)
     for k in (asked, *(k for k in turns if k != asked)):
-        frame, own = frames[k], _own_fov(frames[k])
-        session.add(frame.pixels, turns[k], estimates[k], frame.log_exposure, own or fov)
+        frame = frames[k]
+        session.add(frame.pixels, turns[k], estimates[k], frame.log_exposure, fovs[k])
     if front is not None:
         _add_front(session, front, turns[asked], estimator)
     world_from_frame = turns[asked]
@@ -160,27 +168,19 @@ def fuse_frames(
     )
 
 
-def _field_of_view(frames: Sequence[SourceFrame], settings: FuseSettings) -> tuple[float, bool]:
-    """Vertical field of view, and whether something says it."""
-    first = frames[settings.frame or 0]
-    if settings.fov_deg is not None:
-        return radians(settings.fov_deg), True
-    if first.vertical_fov_rad is not None:
-        return first.vertical_fov_rad, True
-    return frame_photo(*first.pixels.shape[:2]).vertical_fov_rad, False
-
-
 def _placed(
-    frames: Sequence[SourceFrame], fov: float, known: bool, single: bool, kept: KeptFolder | None
-) -> tuple[dict[int, Rotation], float, list[str]]:
-    """Rotations of the frames that could be placed, by their place; the field of view; notes."""
+    frames: Sequence[SourceFrame], single: bool, kept: KeptFolder | None
+) -> tuple[dict[int, Rotation], list[float], list[str]]:
+    """Rotations of the frames that could be placed, by their place; all fields of view; notes."""
+    fovs = [field_of_view(frame) for frame in frames]
     given = {k: f.world_from_camera for k, f in enumerate(frames)}
     turns = {k: turn for k, turn in given.items() if turn is not None}
     if turns:
-        return turns, fov, []
+        return turns, fovs, []
     if len(frames) == 1 and single:
-        return {0: np.eye(3)}, fov, []
-    found = _tracked(frames, fov, known, kept)
+        return {0: np.eye(3)}, fovs, []
+    known = frames[0].vertical_fov_rad is not None
+    found = _tracked(frames, fovs, known, kept)
     if not found.rotations:
         if len(frames) == 1:
             wanted = "several photos, a panorama, or a clip in which the camera turns"
@@ -189,51 +189,46 @@ def _placed(
         got = f"{len(frames)} pictures of which no two show the same thing"
         do = "turn slower so that neighbours overlap by a third, or give --poses"
         raise ImageFileError("pictures that overlap", got, do)
-    notes = []
-    if not known:
-        way = "assumed" if found.vertical_fov_rad == fov else "found"
-        angle = f"{way} {degrees(found.vertical_fov_rad):.0f} degrees vertically"
-        notes.append(f"field of view unknown, {angle}: give --fov")
-    return found.rotations, found.vertical_fov_rad, notes
+    if known:
+        return found.rotations, fovs, []
+    fovs = [2 * atan(tan(fov / 2) * found.scale) for fov in fovs]
+    way = "assumed" if found.scale == 1 else "found"
+    angle = f"{way} {degrees(fovs[0]):.0f} degrees vertically"
+    return found.rotations, fovs, [f"field of view unknown, {angle}: give --fov"]
 
 
 def _tracked(
-    frames: Sequence[SourceFrame], fov: float, known: bool, kept: KeptFolder | None
+    frames: Sequence[SourceFrame], fovs: Sequence[float], known: bool, kept: KeptFolder | None
 ) -> Tracked:
     """Rotations from the pictures, or those that were kept."""
     held = None if kept is None else kept.arrays("tracked")
     if held is not None:
         places = (int(place) for place in held["places"])
         turns = dict(zip(places, held["rotations"], strict=True))
-        return Tracked(turns, float(held["fov"]), float(held["residual"]))
-    found = track([frame.pixels for frame in frames], fov, known)
+        return Tracked(turns, float(held["scale"]), float(held["residual"]))
+    found = track([frame.pixels for frame in frames], fovs, known)
     if kept is not None and found.rotations:
         kept.keep(
             "tracked",
             places=np.array(list(found.rotations)),
             rotations=np.stack(list(found.rotations.values())),
-            fov=np.array(found.vertical_fov_rad),
+            scale=np.array(found.scale),
             residual=np.array(found.residual_rad),
         )
     return found
 
 
-def _own_fov(frame: SourceFrame) -> float | None:
-    """Of a frame that is not the camera's, but cut out of a panorama."""
-    return frame.vertical_fov_rad if frame.world_from_camera is not None else None
-
-
 def _estimates(
     frames: Sequence[SourceFrame],
+    fovs: Sequence[float],
     chosen: Sequence[int],
     estimator: NetworkEstimator,
-    fov: float,
     kept: KeptFolder | None,
 ) -> dict[int, np.ndarray]:
     """What the network gives for each of the chosen frames, or what was kept of it."""
     held = None if kept is None else kept.arrays("estimates")
     if held is None:
-        logs = [_estimated(estimator, frames[k].pixels, _own_fov(frames[k]) or fov) for k in chosen]
+        logs = [_estimated(estimator, frames[k].pixels, fovs[k]) for k in chosen]
         held = {"logs": np.stack(logs)}
         if kept is not None:
             kept.keep("estimates", **held)
@@ -249,7 +244,7 @@ def _estimated(estimator: NetworkEstimator, pixels: np.ndarray, fov: float) -> n
 def _add_front(
     session: Session, front: SourceFrame, back: Rotation, estimator: NetworkEstimator
 ) -> None:
-    fov = front.vertical_fov_rad or frame_photo(*front.pixels.shape[:2]).vertical_fov_rad
+    fov = field_of_view(front)
     estimate = _estimated(estimator, front.pixels, fov)
     # Another sensor: what its file says of exposure is on another scale.
     session.add(front.pixels, back @ FRONT_FROM_BACK, estimate, vertical_fov_rad=fov)

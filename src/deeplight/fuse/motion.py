@@ -16,12 +16,11 @@ import numpy as np
 from deeplight.errors import ImageFileError
 from deeplight.frames import Rotation, rotation
 from deeplight.fuse.adjust import Pair, rays_of
-from deeplight.fuse.frame import SourceFrame
+from deeplight.fuse.frame import SourceFrame, field_of_view
 from deeplight.fuse.poses import Poses, angle_between, nearest_rotation
 from deeplight.fuse.track import features_of, matched
 from deeplight.io.camera_motion import CameraMotion, camera_motion_of
 from deeplight.io.video import facts
-from deeplight.preprocess import frame_photo
 
 _PAIRS = 24  # of each kind that are matched
 _NEAR_RAD, _LATER = radians(15), 8  # the same way again, and by how many pictures later at least
@@ -79,22 +78,19 @@ def with_motion(
     return _with_turns(frames, poses, fov_rad, f"{motion.format} metadata")
 
 
-def contradiction(frames: Sequence[SourceFrame], fov_rad: float | None) -> tuple[str, ...]:
+def contradiction(frames: Sequence[SourceFrame]) -> tuple[str, ...]:
     """What to know of rotations that somebody gave: a line, if the pictures contradict them.
 
     Args:
-        frames: with those rotations.
-        fov_rad: vertical field of view; None if unknown.
+        frames: with those rotations, and all or none with fields of view.
     """
     turns = [f.world_from_camera for f in frames if f.world_from_camera is not None]
     if len(turns) < max(2, len(frames)):
         return ()
-    pairs = _pairs(
-        frames, turns, fov_rad or frame_photo(*frames[0].pixels.shape[:2]).vertical_fov_rad
-    )
+    pairs = _pairs(frames, turns, [field_of_view(frame) for frame in frames])
     if not pairs:
         return ()
-    check = _checked(pairs, turns, fov_rad is None)
+    check = _checked(pairs, turns, frames[0].vertical_fov_rad is None)
     if check.fits:
         return ()
     off = f"{degrees(check.wrong_rad):.1f} degrees"
@@ -108,8 +104,8 @@ def _with_turns(
     source: str,
 ) -> tuple[list[SourceFrame], tuple[str, ...]]:
     """The frames with those of several rotations that fit the pictures, or without."""
-    fov = fov_rad or frame_photo(*frames[0].pixels.shape[:2]).vertical_fov_rad
-    pairs = _pairs(frames, poses[0], fov)
+    fov = fov_rad or field_of_view(frames[0])
+    pairs = _pairs(frames, poses[0], [fov] * len(frames))
     if not pairs:
         note = f"rotations from {source}, which the pictures show too little to confirm"
         return _placed(frames, poses[0], fov_rad), (note,)
@@ -150,7 +146,9 @@ def _turns(
     return turns if len(turns) == len(frames) else None
 
 
-def _pairs(frames: Sequence[SourceFrame], turns: Sequence[Rotation], fov_rad: float) -> list[Pair]:
+def _pairs(
+    frames: Sequence[SourceFrame], turns: Sequence[Rotation], fovs_rad: Sequence[float]
+) -> list[Pair]:
     """Some neighbours, and some that by these rotations look the same way again."""
     looks = np.stack(turns)
     cosine = (np.einsum("iab,jab->ij", looks, looks) - 1) / 2
@@ -162,9 +160,8 @@ def _pairs(frames: Sequence[SourceFrame], turns: Sequence[Rotation], fov_rad: fl
         for kind in (neighbours, again)
         for first, second in kind[:: max(1, -(-len(kind) // _PAIRS))]
     ]
-    half = tan(fov_rad / 2)
     needed = sorted({k for pair in tried for k in pair})
-    features = dict(zip(needed, (features_of(frames[k].pixels, half) for k in needed), strict=True))
+    features = {k: features_of(frames[k].pixels, tan(fovs_rad[k] / 2)) for k in needed}
     found = (matched(features, *pair) for pair in tried)
     return [pair for pair in found if pair is not None]
 

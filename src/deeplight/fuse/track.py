@@ -44,12 +44,13 @@ class Tracked:
     Attributes:
         rotations: world_from_camera by the picture's place in the sequence; those that could not
             be placed are missing. The first placed picture's frame is the world.
-        vertical_fov_rad: refined, if it was not known.
+        scale: what tangents of half the fields of view are to be multiplied by, to fit best; 1 if
+            they were known.
         residual_rad: median angle by which matches miss each other.
     """
 
     rotations: dict[int, Rotation]
-    vertical_fov_rad: float
+    scale: float
     residual_rad: float
 
 
@@ -62,22 +63,24 @@ class Features:
 
 
 def track(
-    pictures: Sequence[UInt8[np.ndarray, "height width 3"]],
-    vertical_fov_rad: float,
+    pictures: Sequence[UInt8[np.ndarray, "_ _ 3"]],
+    vertical_fovs_rad: Sequence[float],
     fov_known: bool,
 ) -> Tracked:
     """Find the rotation of each picture.
 
     Args:
-        pictures: upright, of one camera, in the order they were taken.
-        vertical_fov_rad: known or assumed.
-        fov_known: whether to keep to it.
+        pictures: upright, in the order they were taken.
+        vertical_fovs_rad: of each, known or assumed.
+        fov_known: whether to keep to them; else all are of one camera.
 
     Returns:
         The largest group of pictures that could be placed together; empty if no two match.
     """
-    half = tan(vertical_fov_rad / 2)
-    features = [features_of(picture, half) for picture in pictures]
+    features = [
+        features_of(picture, tan(fov / 2))
+        for picture, fov in zip(pictures, vertical_fovs_rad, strict=True)
+    ]
     count = len(pictures)
     tried = {(k, j) for j in range(count) for k in range(max(0, j - _AHEAD), j)}
     pairs = _all_matched(features, sorted(tried))
@@ -93,7 +96,7 @@ def track(
         if _settled(before, rotations):
             break
     rotations, scale, residual = _solved(pairs, count, fov_known, strays=True)
-    return Tracked(rotations, float(2 * np.arctan(half * scale)), residual)
+    return Tracked(rotations, scale, residual)
 
 
 def _settled(before: dict[int, Rotation], after: dict[int, Rotation]) -> bool:
