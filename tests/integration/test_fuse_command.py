@@ -12,6 +12,7 @@ from PIL import Image
 import made_up_pans
 import motion_tracks
 from deeplight.cli.main import main
+from deeplight.frames import rotation
 from deeplight.fuse import clip as clip_module
 from deeplight.fuse import fuse as fuse_module
 from deeplight.fuse.session import Session
@@ -229,13 +230,13 @@ def test_one_photo_is_too_few(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert f"got one picture, {Path(photo).name}" in capsys.readouterr().err
 
 
-def cylinder(focal_px: float, height: int, width: int) -> np.ndarray:
-    """What a phone that is swept round writes of the place, linear; -Z in its middle."""
+def cylinder(focal_px: float, height: int, width: int, place: np.ndarray) -> np.ndarray:
+    """What a phone that is swept round writes of a place, linear; -Z in its middle."""
     angle = (np.arange(width) + 0.5 - width / 2) / focal_px
     rise = (height / 2 - np.arange(height) - 0.5) / focal_px
     x, y, z = np.broadcast_arrays(np.sin(angle)[None], rise[:, None], -np.cos(angle)[None])
     directions = np.stack([x, y, z], axis=-1) / np.hypot(1, rise)[:, None, None]
-    return sample_latlong(pan().panorama, directions.astype(np.float32))
+    return sample_latlong(place, directions.astype(np.float32))
 
 
 @pytest.mark.parametrize("focal_35mm", [26, 35])
@@ -243,7 +244,7 @@ def test_an_iphones_panorama_is_a_cylinder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], focal_35mm: int
 ) -> None:
     focal_px = 320 * 26 / (0.8 * np.hypot(36, 24))
-    radiance = cylinder(focal_px, 320, round(np.radians(240) * focal_px))
+    radiance = cylinder(focal_px, 320, round(np.radians(240) * focal_px), pan().panorama)
     exif = Image.Exif()
     exif.get_ifd(0x8769).update({0xA401: 6, 0xA405: focal_35mm})
     pixels = (np.clip(radiance, 0, 1) ** (1 / 2.2) * 255).astype(np.uint8)
@@ -258,6 +259,28 @@ def test_an_iphones_panorama_is_a_cylinder(
     assert abs(seen.mean() - degrees / 360) < 0.15  # of its ends less than a view is left out
     off = float(np.median(np.abs(np.log(found.radiance / wanted))[found.seen > 0.99]))
     assert off < 0.1 if focal_35mm == 26 else off > 0.2  # a wrong one shows
+
+
+def test_an_iphones_panorama_swept_upwards_is_a_cylinder_that_lies(tmp_path: Path) -> None:
+    focal_px = 320 * 26 / (0.8 * np.hypot(36, 24))
+    aside = turned_latlong(pan().panorama, rotation("z", np.pi / 2))  # as the lying phone sees it
+    lying = cylinder(focal_px, 320, round(np.radians(120) * focal_px), aside)
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0xA401: 6, 0xA405: 26})
+    pixels = (np.clip(np.rot90(lying, -1), 0, 1) ** (1 / 2.2) * 255).astype(np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "pano.jpg", exif=exif, quality=95)
+    assert fuse(tmp_path / "out", tmp_path / "pano.jpg") == 0
+    found = read_environment(tmp_path / "out" / "pano.json")
+    assert found.seen is not None
+    seen = found.seen[:, HEIGHT] > 0.99
+    assert 0.4 < seen.mean() < 120 / 180
+    log = np.log(found.radiance)
+    places = (aside, shrink_latlong(pan().panorama, HEIGHT))
+    wrong, off = (
+        float(np.median(np.abs(log - np.log(shrink_latlong(p, HEIGHT)))[found.seen > 0.99]))
+        for p in places
+    )
+    assert off < 0.1 < 0.2 < wrong
 
 
 def test_photos_at_several_exposures_show_what_clips_in_one(tmp_path: Path) -> None:

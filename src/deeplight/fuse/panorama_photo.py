@@ -2,7 +2,8 @@
 
 GPano metadata say which, and how much of the sphere it shows. An iPhone writes none: its EXIF data
 say only that it is a panorama (CustomRendered 6). It is a cylinder swept with the phone held
-upright, as high as the long side of an ordinary picture; that gives its width in degrees.
+upright, as high as the long side of an ordinary picture; that gives its width in degrees. One that
+is taller than wide was swept from the floor upwards, the phone lying: the same cylinder, turned.
 
 What such a picture shows is cut into ordinary pictures whose rotations are exact, because the
 network and everything else here work on pictures of an ordinary camera.
@@ -11,7 +12,7 @@ network and everything else here work on pictures of an ordinary camera.
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil, pi, radians
+from math import atan, ceil, pi, radians, tan
 from pathlib import Path
 
 import cv2
@@ -20,7 +21,7 @@ from jaxtyping import UInt8
 
 from deeplight.camera import TRAINED_VERTICAL_FOV_RAD, PinholeCamera
 from deeplight.errors import ImageFileError
-from deeplight.frames import Rotation, turned, world_from_camera
+from deeplight.frames import Rotation, rotation, turned, world_from_camera
 from deeplight.io.exif import DIAGONAL_35MM_MM, exif_directories, number
 
 PROJECTIONS = ("equirectangular", "cylindrical")
@@ -33,6 +34,7 @@ _CUSTOM_RENDERED, _FOCAL_35MM = 0xA401, 0xA405
 _IS_PANORAMA = 6  # Apple's value of CustomRendered; the standard has 0 and 1
 _USUAL_35MM = 26.0  # of phones' main cameras
 _LONG_SIDE = 0.8  # of a 4:3 picture's diagonal
+_STANDING = rotation("z", -pi / 2)  # what stands from the same picture lying on its left side
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,10 @@ def panorama_notes(path: Path, height: int, width: int) -> tuple[str, ...]:
         return ()
     if _swept_35mm(path) is None:
         return ("twice as wide as high: taken for a whole sphere, equirectangular",)
-    degrees = 360 * width / _facts(path, height, width).full_width
-    return (f"panorama without GPano data: taken for a cylinder {degrees:.0f} degrees wide",)
+    across, along = sorted((height, width))
+    degrees = 360 * along / _facts(path, across, along).full_width
+    side = "high" if height > width else "wide"
+    return (f"panorama without GPano data: taken for a cylinder {degrees:.0f} degrees {side}",)
 
 
 def _swept_35mm(path: Path) -> float | None:
@@ -87,6 +91,12 @@ def panorama_frames(
     Raises:
         OSError, ImageFileError: its metadata cannot be read, or contradict it.
     """
+    if _value(path, b"ProjectionType") not in PROJECTIONS and pixels.shape[0] > pixels.shape[1]:
+        for view, fov, turn in panorama_frames(path, np.rot90(pixels)):
+            upright, rows = np.ascontiguousarray(np.rot90(view, -1)), len(view)
+            height = 2 * atan(tan(fov / 2) * len(upright) / rows)
+            yield upright, height, _STANDING @ turn @ _STANDING.T
+        return
     facts = _facts(path, *pixels.shape[:2])
     finest = round(_VIEW_ROWS * 2 * pi / TRAINED_VERTICAL_FOV_RAD)
     if facts.full_width > finest:  # averaged first, so that looking up leaves nothing out
