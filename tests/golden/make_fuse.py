@@ -54,6 +54,14 @@ def estimate(number: int) -> np.ndarray:
     return np.asarray(value, np.float32)
 
 
+def kept_of_a_slow_turn() -> list[int]:
+    """Numbers of the frames that a session keeps while one turns by a radian in 50 steps."""
+    session = Session(FOV_RAD, lambda _: estimate(0))
+    for number in range(50):
+        session.add(frame(0), world_from_camera(0.02 * number, 0.0), estimate(0))
+    return [view.number for view in session.views]
+
+
 def golden() -> dict[str, Any]:
     """What Python makes of the frames."""
     session = Session(FOV_RAD, lambda _: estimate(0))
@@ -76,6 +84,7 @@ def golden() -> dict[str, Any]:
         bright.add(frame(number, BRIGHTER), world_from_camera(*pose), estimate(number))
     return {
         "vertical_fov_rad": FOV_RAD,
+        "kept_of_a_slow_turn": kept_of_a_slow_turn(),
         "poses": POSES,
         "pixels_of_frame_1_row_48": frame(1)[48].tolist(),
         "steps": steps,

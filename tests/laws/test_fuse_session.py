@@ -13,7 +13,7 @@ from deeplight.environment import Environment
 from deeplight.errors import ConfigError, InputError, ShapeError
 from deeplight.frames import rotation, world_from_camera
 from deeplight.fuse.merge import likely_factor, share_of, usual_factor
-from deeplight.fuse.session import CHANGED, PATIENCE, Session
+from deeplight.fuse.session import CHANGED, NEAR_RAD, PATIENCE, Session
 from deeplight.fuse.steady import CLEARLY, ENOUGH_SEEN, ROOM, Kept, Steadily
 from deeplight.mappings import latlong, mirror_ball, resample
 from lab.pans import Pan, Sweep, Troubles, film_pan
@@ -293,6 +293,29 @@ def test_a_new_picture_of_the_same_direction_replaces_the_old() -> None:
     frame = pan().frames[2]
     session.add(frame.pixels, frame.rotation)
     assert sorted(view.number for view in session.views) == [0, 1, 3]
+
+
+@pytest.mark.parametrize("frames", [40, 180])
+def test_however_slowly_one_turns_nothing_that_was_seen_is_lost(frames: int) -> None:
+    filmed = pan(Sweep(frames, turn_deg=180.0))
+    session = gathered(filmed)
+    looks = np.stack([view.towards for view in session.views])
+    for frame in filmed.frames:
+        assert (looks @ -frame.rotation[:, 2]).max() > np.cos(NEAR_RAD)
+    assert len(session.views) < 30
+
+
+def test_a_place_is_kept_in_the_file(tmp_path: Path) -> None:
+    filmed = pan(Sweep(24, turn_deg=24.0))
+    session = gathered(filmed, 12)
+    session.save(tmp_path / "state.npz")
+    loaded = Session.load(tmp_path / "state.npz", lambda _: GREY)
+    for frame in filmed.frames[12:]:
+        assert session.add(frame.pixels, frame.rotation).views == (
+            loaded.add(frame.pixels, frame.rotation).views
+        )
+    numbers = [[view.number for view in one.views] for one in (session, loaded)]
+    assert numbers[0] == numbers[1]
 
 
 def test_another_place_is_noticed_and_the_old_one_forgotten() -> None:

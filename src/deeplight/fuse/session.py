@@ -1,7 +1,8 @@
 """Light that gathers while one looks around: a few dozen small views, solved again with each.
 
-Memory is constant: at most `MOST_VIEWS` pictures of 192 rows. A new picture takes the place of one
-that looked the same way; when all places are taken the most redundant one goes. What is kept are
+Memory is constant: at most `MOST_VIEWS` pictures of 192 rows. A new picture takes the place that it
+looks at, where the picture before it goes; else it opens a place. So places stay apart and stand
+still, however slowly one turns. When all are taken the most redundant one goes. What is kept are
 pictures, not a panorama, so exposures can be corrected later, when the turn closes.
 """
 
@@ -26,7 +27,7 @@ from deeplight.io.boundary import reading
 
 MOST_VIEWS = 64
 NEAR_RAD = radians(7)
-"""Views nearer than this, and of like exposure, say the same: the newer one stays."""
+"""A view nearer to a place than this, and of like exposure, says the same as the one there."""
 LIKE_EXPOSURE = 0.5
 """ln of gains up to which two views count as equally exposed."""
 CHANGED = 0.45
@@ -85,6 +86,7 @@ class Session:
         self.vertical_fov_rad = vertical_fov_rad
         self._estimate, self._most = estimate, most_views
         self._views: list[View] = []
+        self._places: list[Rotation] = []  # of the view that opened each one's place
         n = most_views + 1
         self._logs, self._weights = (np.zeros((n, CELLS, 3), np.float32) for _ in range(2))
         self._differences, self._sure = (np.zeros((n, n, 3)) for _ in range(2))
@@ -176,6 +178,7 @@ class Session:
         """Forget everything: the place has been left."""
         self._shown = Kept()
         self._views, self._log_gain, self._unit = [], np.zeros((0, 3)), np.zeros(3)
+        self._places = []
         self._strange = self._count = 0
 
     def _take(self, view: View) -> Added:
@@ -183,6 +186,7 @@ class Session:
             self._first_turn = view.world_from_camera
         slot = len(self._views)
         self._views.append(view)
+        self._places.append(view.world_from_camera)
         disagreement = self._compare(slot)
         self._solve()
         log_gain = self.gains[slot]
@@ -226,21 +230,20 @@ class Session:
         self._log_gain = solve_gains(differences, sure, exposures, self._power[:n])
 
     def _thin(self, newest: int) -> None:
-        """Drop the view that the newest makes needless, or the most redundant one."""
-        gains, views = self._log_gain, self._views
-        looks = np.stack([view.world_from_camera for view in views])
-        cosine = (np.einsum("iab,jab->ij", looks, looks) - 1) / 2
+        """Drop the view whose place the newest takes, or the most redundant one."""
+        gains, places = self._log_gain, np.stack(self._places)
+        cosine = (np.einsum("iab,jab->ij", places, places) - 1) / 2
         alike = np.abs(gains.mean(1)[:, None] - gains.mean(1)) < LIKE_EXPOSURE
         angle = np.where(alike, np.arccos(np.clip(cosine, -1, 1)), np.pi)
         np.fill_diagonal(angle, np.inf)
         angle[0] = np.inf  # the first view defines the unit
-        near = np.flatnonzero(angle[:newest, newest] < NEAR_RAD)
-        if len(near):
-            kept = [k for k in range(newest) if k not in near[1:]]
-            self._keep([newest if k == near[0] else k for k in kept])
-        elif len(views) > self._most:
+        nearest = int(angle[:, newest].argmin())
+        if angle[nearest, newest] < NEAR_RAD:
+            self._places[newest] = self._places[nearest]
+            self._keep([newest if k == nearest else k for k in range(newest)])
+        elif newest >= self._most:
             worst = int(angle.min(1).argmin())
-            self._keep([k for k in range(len(views)) if k != worst])
+            self._keep([k for k in range(newest + 1) if k != worst])
 
     def _keep(self, kept: list[int]) -> None:
         shift = self._log_gain[kept[0]]
@@ -254,6 +257,7 @@ class Session:
         for pairs in (self._differences, self._sure):
             pairs[:n, :n] = pairs[np.ix_(kept, kept)]
         self._views = [self._views[k] for k in kept]
+        self._places = [self._places[k] for k in kept]
         self._trust = None
 
     def save(self, path: Path) -> None:
@@ -270,6 +274,7 @@ class Session:
             "unit": self._unit,
             "first_turn": self._first_turn,
             "rotations": np.array([v.world_from_camera for v in self._views]),
+            "places": np.array(self._places),
             "estimates": np.array([v.log_estimate for v in self._views]),
             "exposures": np.array(
                 [[v.log_exposure, v.number, v.vertical_fov_rad] for v in self._views]
@@ -303,6 +308,7 @@ class Session:
             raise ValueError("a session of another version")
         session = cls(float(state["vertical_fov_rad"]), estimate, int(state["most_views"]))
         exposures, rotations = state["exposures"], state["rotations"]
+        places = state.get("places", rotations)  # files of before have none
         if len(state["estimates"]) > MOST_VIEWS + 1:
             raise ValueError("more views than a session keeps")
         for k, own in enumerate(state["estimates"]):
@@ -312,6 +318,7 @@ class Session:
                 raise ValueError(f"view {k} is no picture")
             view = View(pixels, turn, float(fov), own, float(exposure), int(number))
             session._views.append(view)
+            session._places.append(places[k].reshape(3, 3))
             session._compare(k)
         session._first_turn = state["first_turn"]
         session._unit = state["unit"]

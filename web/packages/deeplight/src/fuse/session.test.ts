@@ -158,6 +158,17 @@ test("three views of another place in a row, and what was before is forgotten", 
   expect(made.add(squares(3), pose(1), estimate(2)).forgotten).toBe(false);
 });
 
+test("however slowly one turns, the views kept are Python's", () => {
+  const made = new Session();
+  for (let k = 0; k < 50; k++) {
+    const [c, s] = [Math.cos(0.02 * k), Math.sin(0.02 * k)];
+    made.add(frame(0), [c, 0, s, 0, 1, 0, -s, 0, c], estimate(0));
+  }
+  const numbers = made.views.map(({ number }) => number);
+  expect(numbers).toEqual(stored.kept_of_a_slow_turn);
+  expect(numbers.length).toBeGreaterThan(5);
+});
+
 test("memory stays constant, and the first view stays", () => {
   const made = new Session(5);
   for (let k = 0; k < 12; k++) {

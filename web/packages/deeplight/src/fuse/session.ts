@@ -34,11 +34,15 @@ export interface SessionState {
   readonly unit: readonly [number, number, number];
   readonly firstTurn: Matrix3x3;
   readonly views: readonly View[];
+  /** Of the view that opened each one's place. */
+  readonly places: readonly Matrix3x3[];
 }
 
 /** A kept view with what was computed from it once. */
 interface Kept {
   readonly view: View;
+  /** How the camera was turned that opened the place where the view is kept. */
+  place: Matrix3x3;
   readonly cells: Cells;
   readonly places: Int32Array;
   readonly logPower: readonly number[];
@@ -69,9 +73,12 @@ export class Session {
   }
 
   /** Goes on where `state` was taken; gains are solved anew. @throws RangeError where it cannot be one. */
-  static restored({ mostViews, count, strange, unit, firstTurn, views }: SessionState): Session {
+  static restored(state: SessionState): Session {
+    const { mostViews, count, strange, unit, firstTurn, views, places } = state;
     const session = new Session(mostViews);
-    for (const view of views) session.#put(view);
+    views.forEach((view, k) => {
+      session.#put(view, places[k]);
+    });
     requireRotation(firstTurn);
     session.#solve();
     [session.#firstTurn, session.#unit] = [firstTurn, unit];
@@ -82,7 +89,8 @@ export class Session {
   get state(): SessionState {
     const [count, strange, mostViews] = [this.#count, this.#strange, this.mostViews];
     const [unit, firstTurn, views] = [this.#unit, this.#firstTurn, this.views];
-    return { mostViews, count, strange, unit, firstTurn, views };
+    const places = this.#kept.map(({ place }) => place);
+    return { mostViews, count, strange, unit, firstTurn, views, places };
   }
 
   /** What is kept; the first one defines the unit. */
@@ -158,11 +166,13 @@ export class Session {
   }
 
   /** Keeps one more view; how far it disagrees with the others. */
-  #put(view: View): number {
+  #put(view: View, place: Matrix3x3 = view.worldFromCamera): number {
     requireRotation(view.worldFromCamera);
+    requireRotation(place);
     const cells = cellsOf(view);
     const power = logPower(view.logEstimate);
-    const newest: Kept = { view, cells, places: placesOf(cells), logPower: power, with: new Map() };
+    const places = placesOf(cells);
+    const newest: Kept = { view, place, cells, places, logPower: power, with: new Map() };
     const disagreement = this.#compare(newest);
     this.#kept = [...this.#kept, newest];
     return disagreement;
@@ -215,15 +225,17 @@ export class Session {
     return this.#kept[k]!.view.number;
   }
 
-  /** Drops the view that the newest makes needless, or the most redundant one. */
+  /** Drops the view whose place the newest takes, or the most redundant one. */
   #thin(): void {
     const newest = this.#kept.length - 1;
     const all = [...this.#kept.keys()];
     // The first view defines the unit, so it stays.
-    const near = all.slice(1, newest).filter((k) => this.#angle(k, newest) < NEAR_RAD);
-    if (near.length > 0) {
-      const kept = all.slice(0, newest).filter((k) => !near.slice(1).includes(k));
-      this.#keep(kept.map((k) => (k === near[0] ? newest : k)));
+    const angles = all.slice(1, newest).map((k) => this.#angle(k, newest));
+    const least = Math.min(...angles);
+    const nearest = 1 + angles.indexOf(least);
+    if (least < NEAR_RAD) {
+      this.#kept[newest]!.place = this.#kept[nearest]!.place;
+      this.#keep(all.slice(0, newest).map((k) => (k === nearest ? newest : k)));
     } else if (this.#kept.length > this.mostViews) {
       const alone = all.map((k) =>
         k === 0
@@ -235,12 +247,12 @@ export class Session {
     }
   }
 
-  /** Between two views; of unlike exposure they are as far apart as can be. */
+  /** Between the places of two views; of unlike exposure they are as far apart as can be. */
   #angle(i: number, j: number): number {
     const gain = (k: number) =>
       this.#logGain.subarray(3 * k, 3 * k + 3).reduce((a, b) => a + b) / 3;
     if (Math.abs(gain(i) - gain(j)) >= LIKE_EXPOSURE) return Math.PI;
-    return angleBetween(this.#kept[i]!.view.worldFromCamera, this.#kept[j]!.view.worldFromCamera);
+    return angleBetween(this.#kept[i]!.place, this.#kept[j]!.place);
   }
 
   #keep(kept: readonly number[]): void {

@@ -16,7 +16,7 @@ const whole = (shape: readonly number[], ...values: number[]): NumpyArray => ({
 
 /** @throws RangeError where nothing has been added. */
 export function sessionFile(session: Session): Uint8Array<ArrayBuffer> {
-  const { views, mostViews, count, strange, unit, firstTurn } = session.state;
+  const { views, places, mostViews, count, strange, unit, firstTurn } = session.state;
   if (!views[0]) throw new RangeError("expected a frame, got none: add one first");
   const n = views.length;
   const size = Math.sqrt(views[0].logEstimate.length / 3);
@@ -37,6 +37,10 @@ export function sessionFile(session: Session): Uint8Array<ArrayBuffer> {
     rotations: floats(
       [n, 3, 3],
       views.flatMap(({ worldFromCamera }) => [...worldFromCamera]),
+    ),
+    places: floats(
+      [n, 3, 3],
+      places.flatMap((place) => [...place]),
     ),
     estimates: { shape: [n, size, size, 3], values: estimates },
     // No camera says its exposure to a page.
@@ -68,6 +72,8 @@ export function sessionOf(file: Uint8Array): Session {
     numbers("estimates", n, size, size, 3),
   ];
   const exposures = numbers("exposures", n, 3);
+  // Files of before have none.
+  const opened = arrays.has("places") ? numbers("places", n, 3, 3) : rotations;
   const matrix = (values: number[]) => values as unknown as Matrix3x3;
   const views = Array.from({ length: n }, (_, k): View => {
     const picture = arrays.get(`pixels_${k}`);
@@ -91,5 +97,6 @@ export function sessionOf(file: Uint8Array): Session {
   const [mostViews] = numbers("most_views") as [number];
   const firstTurn = matrix(numbers("first_turn", 3, 3));
   const unit = [red, green, blue] as const;
-  return Session.restored({ mostViews, count, strange, unit, firstTurn, views });
+  const places = views.map((_, k) => matrix(opened.slice(9 * k, 9 * k + 9)));
+  return Session.restored({ mostViews, count, strange, unit, firstTurn, views, places });
 }
