@@ -85,6 +85,28 @@ def test_a_clip_with_poses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     )
 
 
+@pytest.mark.parametrize(
+    ("times", "word"),
+    [
+        ([{}] * 6, "6 of 12 frames without a pose left out"),
+        ([{}] * 24, "24 poses for 12 frames"),
+        ([{"time_s": 200 * k} for k in range(12)], "turn by less than 6 degrees"),
+    ],
+)
+def test_a_pose_file_that_does_not_fit_the_clip_is_said(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    times: list[dict[str, float]],
+    word: str,
+) -> None:
+    turns = [frame.rotation.tolist() for frame in pan().frames] * 2
+    frames = [{"rotation": turn, **time} for turn, time in zip(turns, times, strict=False)]
+    (tmp_path / "poses.json").write_text(json.dumps(frames))
+    words = ("--poses", tmp_path / "poses.json", "--fov", "66")
+    assert fuse(tmp_path / "out", clip(tmp_path), *words) == 0
+    assert word in " ".join(capsys.readouterr().out.split())
+
+
 def test_photos_are_placed_by_what_they_show(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert fuse(out, *photos(tmp_path, 5), "--fov", "66") == 0

@@ -13,8 +13,8 @@ import motion_tracks
 from clips import write_clip
 from deeplight.errors import ImageFileError
 from deeplight.frames import Rotation, rotation, world_from_camera
-from deeplight.fuse.frame import SourceFrame
-from deeplight.fuse.motion import contradiction, with_motion
+from deeplight.fuse.frame import SourceFrame, field_of_view
+from deeplight.fuse.motion import checked, with_motion
 from deeplight.fuse.poses import angle_between
 from deeplight.io.camera_motion import CameraMotion, camera_motion_of
 from lab.pans import Pan, Troubles
@@ -169,5 +169,21 @@ def test_poses_in_other_axes_are_said_to_contradict(axes_deg: int) -> None:
         replace(shown, world_from_camera=frame.rotation @ axes, vertical_fov_rad=FOV)
         for shown, frame in zip(source_frames(), pan().frames, strict=True)
     ]
-    notes = contradiction(frames)
+    same, notes = checked(frames)
     assert len(notes) == (1 if axes_deg else 0)
+    assert [frame.vertical_fov_rad for frame in same] == [FOV] * len(frames)
+
+
+def test_with_poses_the_field_of_view_is_found_or_said_to_be_assumed() -> None:
+    frames = [
+        replace(shown, world_from_camera=frame.rotation, pixels=shown.pixels[40:280])
+        for shown, frame in zip(source_frames(), pan().frames, strict=True)
+    ]
+    posed, notes = checked(frames)
+    wanted = 2 * np.arctan(np.tan(FOV / 2) * 240 / 320)
+    assert np.degrees((posed[0].vertical_fov_rad or 0) - wanted) == pytest.approx(0, abs=1)
+    assert "unknown, found 5" in notes[0]
+    bare = [replace(frame, pixels=GREY) for frame in frames]
+    posed, notes = checked(bare)
+    assert posed[0].vertical_fov_rad == pytest.approx(field_of_view(bare[0]))
+    assert "unknown, assumed 66" in notes[0]

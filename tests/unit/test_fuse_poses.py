@@ -81,6 +81,14 @@ def test_frames_by_number(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, TURN)
 
 
+def test_more_poses_than_frames_are_said_unless_they_say_which_they_are(tmp_path: Path) -> None:
+    ordered = written(tmp_path, [{"rotation": TURN.tolist()}] * 3)
+    assert read_poses(ordered, upright=True).unused(3) == ()
+    assert "3 poses for 2 frames" in read_poses(ordered, upright=True).unused(2)[0]
+    numbered = [{"rotation": TURN.tolist(), "frame": k} for k in range(3)]
+    assert read_poses(written(tmp_path, numbered), upright=True).unused(2) == ()
+
+
 def test_logarithm_undoes_exponential() -> None:
     for vector in np.random.default_rng(0).normal(0, 1, (20, 3)):
         np.testing.assert_allclose(logarithm(exponential(vector)), vector, atol=1e-9)
@@ -109,6 +117,10 @@ def test_quaternions_of_any_length() -> None:
             ' {"quaternion": [0, 0, 0, 1], "time_s": 0}]',
             "grow",
         ),
+        ('[{"quaternion": [0, 0, 0, 1], "frame": 1.5}]', "whole number"),
+        ('[{"quaternion": [0, 0, 0, 1], "frame": -1}]', "whole number"),
+        (json.dumps([{"quaternion": [0, 0, 0, 1], "frame": 1}] * 2), "each once"),
+        ('[{"quaternion": [0, 0, 0, 1]}, {"quaternion": [0, 0, 0, 1], "time_s": 0}]', "or in none"),
     ],
 )
 def test_what_is_no_pose_file(tmp_path: Path, text: str, word: str) -> None:

@@ -140,7 +140,7 @@ def _fused(
     from deeplight.estimators.open import open_model
     from deeplight.fuse.frame import frame_of, with_fields_of_view
     from deeplight.fuse.fuse import FuseSettings, fuse_frames
-    from deeplight.fuse.motion import contradiction, with_motion
+    from deeplight.fuse.motion import checked, with_motion
     from deeplight.fuse.poses import read_poses
     from deeplight.fuse.results import write_fused
     from deeplight.fuse.sources import read_frames
@@ -153,13 +153,16 @@ def _fused(
     estimator = open_model(args.model)
     frames = read_frames(paths, poses, kept, args.workers, complain)
     frames = with_fields_of_view(frames, args.fov and math.radians(args.fov))
-    notes = []
+    notes: list[str] = []
     if poses is not None:
         posed = [replace(f, world_from_camera=poses.at(f.number, f.time_s)) for f in frames]
         frames = [frame for frame in posed if frame.world_from_camera is not None]
+        if not is_video(paths[0]):
+            notes += poses.unused(len(posed))
         if len(frames) < len(posed):
             notes.append(f"{len(posed) - len(frames)} without a pose left out")
-        notes += contradiction(frames)
+        frames, found = checked(frames)
+        notes += found
     elif is_video(paths[0]):
         frames, found = with_motion(frames, paths[0], args.fov and math.radians(args.fov))
         notes += found

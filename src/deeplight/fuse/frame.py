@@ -85,8 +85,8 @@ def with_fields_of_view(
     if fov_rad is None:
         return list(frames)
     shape = frames[first].pixels.shape
-    longer = math.tan(fov_rad / 2) * max(shape) / shape[0]
-    alike = [2 * math.atan(longer * f.pixels.shape[0] / max(f.pixels.shape)) for f in frames]
+    longer = max(shape) / shape[0]
+    alike = [scaled(fov_rad, longer * len(f.pixels) / max(f.pixels.shape)) for f in frames]
     return [
         replace(frame, vertical_fov_rad=said or same)
         for frame, said, same in zip(frames, own, alike, strict=True)
@@ -96,6 +96,19 @@ def with_fields_of_view(
 def field_of_view(frame: SourceFrame) -> float:
     """The vertical field of view that a frame's file says, else the assumed one."""
     return frame.vertical_fov_rad or frame_photo(*frame.pixels.shape[:2]).vertical_fov_rad
+
+
+def scaled(fov_rad: float, factor: float) -> float:
+    """A field of view of which the half's tangent is multiplied by a factor."""
+    return 2 * math.atan(math.tan(fov_rad / 2) * factor)
+
+
+def unknown_fov(fov_rad: float, found: bool) -> str:
+    """What to say where no file knew the vertical field of view."""
+    way = "found" if found else "assumed"
+    return (
+        f"field of view unknown, {way} {math.degrees(fov_rad):.0f} degrees vertically: give --fov"
+    )
 
 
 def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import atan, degrees, radians, tan
+from math import degrees, radians
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,14 @@ from deeplight.environment import Environment
 from deeplight.errors import ConfigError, ImageFileError, ShapeError
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.frames import UP, Rotation, normalised, rotation
-from deeplight.fuse.frame import SourceFrame, field_of_view, frame_of, with_fields_of_view
+from deeplight.fuse.frame import (
+    SourceFrame,
+    field_of_view,
+    frame_of,
+    scaled,
+    unknown_fov,
+    with_fields_of_view,
+)
 from deeplight.fuse.poses import nearest_rotation
 from deeplight.fuse.session import Session
 from deeplight.fuse.track import Tracked, track
@@ -146,7 +153,9 @@ def fuse_frames(
     estimates = _estimates(frames, fovs, list(turns), estimator, kept)
     for k in (asked, *(k for k in turns if k != asked)):
         frame = frames[k]
-        session.add(frame.pixels, turns[k], estimates[k], frame.log_exposure, fovs[k])
+        added = session.add(frame.pixels, turns[k], estimates[k], frame.log_exposure, fovs[k])
+        if added.forgotten:
+            notes.append(f"until {frame.name} light or place changed: what was before is left out")
     if front is not None:
         _add_front(session, front, turns[asked], estimator)
     world_from_frame = turns[asked]
@@ -191,10 +200,8 @@ def _placed(
         raise ImageFileError("pictures that overlap", got, do)
     if known:
         return found.rotations, fovs, []
-    fovs = [2 * atan(tan(fov / 2) * found.scale) for fov in fovs]
-    way = "assumed" if found.scale == 1 else "found"
-    angle = f"{way} {degrees(fovs[0]):.0f} degrees vertically"
-    return found.rotations, fovs, [f"field of view unknown, {angle}: give --fov"]
+    fovs = [scaled(fov, found.scale) for fov in fovs]
+    return found.rotations, fovs, [unknown_fov(fovs[0], found=found.scale != 1)]
 
 
 def _tracked(

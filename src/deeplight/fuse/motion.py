@@ -8,7 +8,7 @@ metadata are left aside and said to be wrong.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import degrees, radians, tan
+from math import degrees, exp, radians, tan
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from deeplight.errors import ImageFileError
 from deeplight.frames import Rotation, rotation
 from deeplight.fuse.adjust import Pair, rays_of
-from deeplight.fuse.frame import SourceFrame, field_of_view
+from deeplight.fuse.frame import SourceFrame, field_of_view, scaled, unknown_fov
 from deeplight.fuse.poses import Poses, angle_between, nearest_rotation
 from deeplight.fuse.track import features_of, matched
 from deeplight.io.camera_motion import CameraMotion, camera_motion_of
@@ -78,23 +78,35 @@ def with_motion(
     return _with_turns(frames, poses, fov_rad, f"{motion.format} metadata")
 
 
-def contradiction(frames: Sequence[SourceFrame]) -> tuple[str, ...]:
-    """What to know of rotations that somebody gave: a line, if the pictures contradict them.
+def checked(frames: Sequence[SourceFrame]) -> tuple[list[SourceFrame], tuple[str, ...]]:
+    """Look whether the pictures contradict rotations that somebody gave; find the field of view.
 
     Args:
         frames: with those rotations, and all or none with fields of view.
+
+    Returns:
+        The frames, with the field of view that fits best if nothing says it, and what the user
+        should know: a line, if the pictures contradict the rotations.
     """
     turns = [f.world_from_camera for f in frames if f.world_from_camera is not None]
     if len(turns) < max(2, len(frames)):
-        return ()
-    pairs = _pairs(frames, turns, [field_of_view(frame) for frame in frames])
-    if not pairs:
-        return ()
-    check = _checked(pairs, turns, frames[0].vertical_fov_rad is None)
-    if check.fits:
-        return ()
-    off = f"{degrees(check.wrong_rad):.1f} degrees"
-    return (f"the poses contradict the pictures by {off}: other axes, order, times or --fov?",)
+        return list(frames), ()
+    fovs, unknown = [field_of_view(f) for f in frames], frames[0].vertical_fov_rad is None
+    pairs = _pairs(frames, turns, fovs)
+    check = _checked(pairs, turns, unknown) if pairs else _Check(0.0, True, 0.0)
+    notes: list[str] = []
+    if not check.fits:
+        off = f"{degrees(check.wrong_rad):.1f} degrees"
+        notes.append(
+            f"the poses contradict the pictures by {off}: other axes, order, times or --fov?"
+        )
+    elif unknown and pairs:
+        fovs = [scaled(fov, exp(check.log_scale)) for fov in fovs]
+    if unknown:
+        notes.append(unknown_fov(fovs[0], found=check.fits and bool(pairs)))
+    return [replace(f, vertical_fov_rad=fov) for f, fov in zip(frames, fovs, strict=True)], (
+        *notes,
+    )
 
 
 def _with_turns(
@@ -116,10 +128,8 @@ def _with_turns(
         return list(frames), (f"{source} contradict the pictures by {off}: rotations from these",)
     notes = [f"rotations from {source}; the pictures agree within {off}"]
     if fov_rad is None:
-        fov = float(2 * np.arctan(tan(fov / 2) * np.exp(checks[best].log_scale)))
-        notes.append(
-            f"field of view unknown, found {degrees(fov):.0f} degrees vertically: give --fov"
-        )
+        fov = scaled(fov, exp(checks[best].log_scale))
+        notes.append(unknown_fov(fov, found=True))
     return _placed(frames, poses[best], fov), tuple(notes)
 
 

@@ -61,6 +61,15 @@ class Poses:
     numbers: list[int] | None
     times_s: Float[np.ndarray, " poses"] | None
 
+    def unused(self, frames: int) -> tuple[str, ...]:
+        """What to know of poses that are taken in order, if there are more than frames."""
+        if self.numbers is not None or self.times_s is not None or len(self.rotations) <= frames:
+            return ()
+        poses = len(self.rotations)
+        return (
+            f"{poses} poses for {frames} frames, the first taken in order: say frame or time_s",
+        )
+
     def at(self, number: int, time_s: float) -> Rotation | None:
         """The rotation of a frame, None where it has none; times between are interpolated."""
         if self.numbers is not None:
@@ -117,7 +126,10 @@ def _placed(
 ) -> tuple[list[int] | None, Float[np.ndarray, " n"] | None]:
     try:
         if all("frame" in f for f in frames):
-            return [int(f["frame"]) for f in frames], None
+            numbers = [float(f["frame"]) for f in frames]
+            if len(set(numbers)) == len(numbers) and all(n >= 0 and n % 1 == 0 for n in numbers):
+                return [int(number) for number in numbers], None
+            raise ConfigError("a whole number from 0 as frame, each once", f"others in {path}", _DO)
         if all("time_s" in f for f in frames):
             times = np.array([float(f["time_s"]) for f in frames])
             if np.isfinite(times).all() and (np.diff(times) > 0).all():
@@ -125,6 +137,8 @@ def _placed(
             raise ConfigError("times that grow", f"others in {path}", _DO)
     except (TypeError, ValueError) as error:
         raise ConfigError("numbers as frame or time_s", f"{path}: {error}", _DO) from error
+    if any("frame" in f or "time_s" in f for f in frames):
+        raise ConfigError("frame or time_s in all poses, or in none", f"some of {path}", _DO)
     return None, None
 
 

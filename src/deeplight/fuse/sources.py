@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from deeplight.errors import ConfigError, InputError
@@ -45,7 +46,7 @@ def read_frames(
         raise ConfigError("one clip, or photos", f"{len(paths)} files", "fuse them one by one")
     if clips:
         (clip,) = clips
-        return thinned(clip_frames(clip, kept, workers) if poses is None else _posed(clip, poses))
+        return thinned(clip_frames(clip, kept, workers)) if poses is None else _posed(clip, poses)
     found: list[SourceFrame] = []
     number = 0
     for path in paths:
@@ -88,12 +89,26 @@ def thinned(source: Iterator[SourceFrame]) -> list[SourceFrame]:
     return frames
 
 
-def _posed(path: Path, poses: Poses) -> Iterator[SourceFrame]:
-    """Frames that have a pose, a few degrees apart."""
-    last: Rotation | None = None
-    for still in video_frames(path):
-        turn = poses.at(still.number, still.time_s)
-        if turn is not None and (last is None or angle_between(last, turn) > _POSED_RAD):
-            last = turn
-            photo = Photo(still.rgb(), None, notes=still.notes)
-            yield frame_of(photo, f"frame {still.number}", still.number, still.time_s)
+def _posed(path: Path, poses: Poses) -> list[SourceFrame]:
+    """Frames that have a pose, a few degrees apart, and notes of what is not used."""
+    count = without = 0
+
+    def turning() -> Iterator[SourceFrame]:
+        nonlocal count, without
+        last: Rotation | None = None
+        for still in video_frames(path):
+            count += 1
+            turn = poses.at(still.number, still.time_s)
+            without += turn is None
+            if turn is not None and (last is None or angle_between(last, turn) > _POSED_RAD):
+                last = turn
+                photo = Photo(still.rgb(), None, notes=still.notes)
+                yield frame_of(photo, f"frame {still.number}", still.number, still.time_s)
+
+    frames = thinned(turning())
+    notes = poses.unused(count)
+    if without:
+        notes = (*notes, f"{without} of {count} frames without a pose left out")
+    if len(frames) == 1 < count:
+        notes = (*notes, f"the poses turn by less than {math.degrees(_POSED_RAD):.0f} degrees")
+    return [replace(frame, notes=(*frame.notes, *notes)) for frame in frames]
