@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -38,6 +39,29 @@ LONGEST = (
     " test_mitsuba test_trial test_convert test_onnx test_capture_trouble"
     " test_light_stage_mirror test_locate_parts test_litert test_relight test_capture"
 ).split()
+
+
+# Files that export networks: of processes that share the files, one takes them all, since it takes
+# seconds to load what exports, and more to make the models that they share.
+EXPORTING = (
+    "test_export test_calibrate test_onnx test_training_heads test_training_lamps"
+    " test_training_variants"
+).split()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Keep the files of `EXPORTING` together where each file stays in one process."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class ExportsTogether(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            path: str = super()._split_scope(nodeid)
+            return "exports" if Path(path).stem in EXPORTING else path
+
+    return ExportsTogether(config, log)
 
 
 def pytest_collection_finish() -> None:
@@ -104,6 +128,20 @@ def flipped_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     with shallow():
         return write_mean(tmp_path_factory.mktemp("flipped"), "--flips")
+
+
+@pytest.fixture(scope="session")
+def everything_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model file of all that a network can have, of few blocks, in full precision."""
+    pytest.importorskip("onnxscript")
+    from deeplight.deploy.onnx import write_model
+    from networks import EVERYTHING, EVERYTHING_CONTRACT, random_network, shallow, traced_once
+
+    path = tmp_path_factory.mktemp("everything") / "everything.onnx"
+    with shallow():
+        model = traced_once(random_network(EVERYTHING), EVERYTHING_CONTRACT)
+    write_model(model, EVERYTHING_CONTRACT, path, float16=False)
+    return path
 
 
 @pytest.fixture

@@ -1,20 +1,40 @@
 """Small networks for tests of files that hold them."""
 
-from collections.abc import Callable, Iterator
+import copy
+import hashlib
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
+from onnx import ModelProto
+from torch import nn
 
 from deeplight.cli.main import main
-from deeplight.contract import ModelContract
-from deeplight.deploy.onnx import export_onnx
+from deeplight.contract import HEADS, ModelContract
+from deeplight.deploy import onnx
 from deeplight.training import checkpoint, model_file, slim
 from deeplight.training.config import TrainConfig, flatten
 from deeplight.training.network import mobilenet_v2
-from deeplight.training.network.generator import Generator
+from deeplight.training.network.generator import Generator, NetworkConfig
 from deeplight.training.presets import preset
+
+SMALL = NetworkConfig(
+    latent_size=32,
+    decoder_widths=(8, 8),
+    encoder_norm="none",
+    decoder_norm="none",
+    width=0.35,
+    lamps=3,
+    brightness=0.9,
+    colour=True,
+)
+EVERYTHING = replace(SMALL, heads=True, mirrored=True)
+EVERYTHING_CONTRACT = ModelContract(
+    lamps=3, brightness=0.9, heads=HEADS, mirrored=True, trained_on="nothing"
+)
 
 
 @contextmanager
@@ -22,7 +42,7 @@ def shallow() -> Iterator[None]:
     """Networks of one block a stage while it lasts, six of sixteen: a third of the time to export.
 
     For laws of files that hold for any depth; that the whole network comes back from one is tested
-    in `tests/parity/test_onnx.py` and on the golden file.
+    in `tests/parity/test_onnx.py` and on the shipped file.
     """
     stages = tuple((expansion, wide, 1, by) for expansion, wide, _, by in mobilenet_v2.STAGES)
     with pytest.MonkeyPatch.context() as patch:
@@ -31,11 +51,27 @@ def shallow() -> Iterator[None]:
         yield
 
 
-def written_shallow(network: Callable[[], Generator], contract: ModelContract, path: Path) -> Path:
-    """Export what `network` makes of few blocks, in full precision."""
-    with shallow():
-        export_onnx(network(), contract, path, float16=False)
-    return path
+def random_network(config: NetworkConfig, seed: int = 0) -> Generator:
+    """A network whose lamps and colour differ from photo to photo, as those of a trained one."""
+    torch.manual_seed(seed)
+    made = Generator(config).eval()
+    if made.lamps is not None:
+        nn.init.normal_(made.lamps.head.weight, std=0.1)
+    if made.colour is not None:
+        nn.init.normal_(made.colour.weight, std=0.1)
+    return made
+
+
+_honest, _traces = onnx.traced, dict[str, ModelProto]()
+
+
+def traced_once(network: nn.Module, contract: ModelContract) -> ModelProto:
+    """Stand in for `deploy.onnx.traced`, which takes seconds: each network is traced once."""
+    weights = b"".join(value.numpy().tobytes() for value in network.state_dict().values())
+    key = f"{network} {contract} {hashlib.sha256(weights).hexdigest()}"
+    if key not in _traces:
+        _traces[key] = _honest(network, contract)
+    return copy.deepcopy(_traces[key])
 
 
 def lamps_network() -> tuple[Generator, TrainConfig]:

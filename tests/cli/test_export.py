@@ -1,6 +1,5 @@
 """`deeplight export`: the file asked for or one line, and nothing half-written."""
 
-import copy
 import importlib.util
 
 import numpy as np
@@ -15,7 +14,7 @@ from deeplight.training.config import flatten
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator
 from deeplight.training.presets import preset
-from networks import lamps_network, shallow, write_mean
+from networks import lamps_network, shallow, traced_once, write_mean
 
 pytestmark = pytest.mark.needs("onnxscript")
 
@@ -29,33 +28,20 @@ def photos():
     return (np.random.default_rng(0).uniform(-0.5, 0.5, (2, 3, 192, 135))).astype(np.float32)
 
 
-@pytest.fixture(scope="module")
-def traced_once():
-    """`traced`, which takes seconds, answering the second time with a copy of the first answer."""
-    honest, answers = onnx.traced, []
-
-    def once(generator, contract):
-        if not answers:
-            answers.append(honest(generator, contract))
-        return copy.deepcopy(answers[0])
-
-    return once
-
-
 @pytest.mark.parametrize(("precision", "bound"), [("float32", 1e-5), ("float16", 0.1)])
 def test_an_onnx_file_comes_back_the_same(
-    tiny, tmp_path, monkeypatch, traced_once, precision, bound
+    everything_model, tmp_path, monkeypatch, shallow_networks, precision, bound
 ):
     monkeypatch.setattr(onnx, "traced", traced_once)
     out = tmp_path / "again.onnx"
-    assert main(["export", str(tiny), "--out", str(out), "--precision", precision]) == 0
-    old, new = OnnxEstimator(tiny), OnnxEstimator(out)
+    assert main(["export", str(everything_model), "--out", str(out), "--precision", precision]) == 0
+    old, new = OnnxEstimator(everything_model), OnnxEstimator(out)
     difference = np.abs(old.estimate_inputs(photos()) - new.estimate_inputs(photos()))
     assert difference.max() < bound
     assert new.contract == old.contract
     if precision == "float16":
         assert difference.max() > 0  # it is another file
-        assert out.stat().st_size < 0.8 * tiny.stat().st_size
+        assert out.stat().st_size < 0.8 * everything_model.stat().st_size
 
 
 def test_a_runs_best_weights_are_exported_with_batch_norm_folded(tmp_path, shallow_networks):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from deeplight.contract import HEADS, ModelContract
+from deeplight.contract import HEADS
 from deeplight.deploy.network import Refinement, write_network
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.sureness import Sureness, camera_record, sureness_of
@@ -24,13 +24,12 @@ from deeplight.training.heads import (
 )
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, NetworkConfig
-from networks import written_shallow
+from networks import EVERYTHING, EVERYTHING_CONTRACT, random_network
 
 SMALL = NetworkConfig(
     latent_size=32, decoder_widths=(8, 8), encoder_norm="none", decoder_norm="none", width=0.35,
     heads=True,
 )  # fmt: skip
-CONTRACT = ModelContract(heads=HEADS)
 BIAS = "heads.outer.bias"
 
 
@@ -86,19 +85,13 @@ def test_scales_hold_in_new_places_that_of_colour_in_new_takes() -> None:
     assert found["colour_scale"].within == pytest.approx(0.68 * 301 / 300, abs=0.003)
 
 
-@pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """That network, of few blocks, as a file."""
-    return written_shallow(network, CONTRACT, tmp_path_factory.mktemp("heads") / "heads.onnx")
-
-
 def test_scales_set_anew_change_nothing_else_in_the_file(
-    written: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shallow_networks: None
+    everything_model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shallow_networks: None
 ) -> None:
     second = tmp_path / "second.onnx"
     monkeypatch.setattr(teaching, "views_of", lambda *_: views(300, 1))
-    write_network(written, second, refinement=Refinement(scales=("data",)))
-    before, after = (load_network(path)[0].state_dict() for path in (written, second))
+    write_network(everything_model, second, refinement=Refinement(scales=("data",)))
+    before, after = (load_network(path)[0].state_dict() for path in (everything_model, second))
     assert {name for name in before if not torch.equal(before[name], after[name])} == {BIAS}
     moved = (after[BIAS] != before[BIAS]).nonzero()[:, 0].tolist()
     assert {HEADS[number] for number in moved} <= set(SCALES)
@@ -130,19 +123,20 @@ def test_a_photo_on_its_side_is_what_a_camera_would_give() -> None:
 
 @torch.no_grad()
 def test_what_they_say_is_in_the_file_and_in_the_estimate(
-    written: Path, shallow_networks: None
+    everything_model: Path, shallow_networks: None
 ) -> None:
-    estimator = OnnxEstimator(written)
+    estimator = OnnxEstimator(everything_model)
     picture = np.random.default_rng(0).uniform(0, 1, (160, 120, 3))
     estimate = estimator.explain(picture)
     assert tuple(estimate.heads) == HEADS
     assert all(estimate.heads[name] > 0 for name in SCALES)
     chances = [estimate.heads[name] for name in HEADS if name.startswith("upright")]
     assert sum(chances) == pytest.approx(1, abs=1e-5)
-    again, contract = load_network(written)
-    assert contract == CONTRACT
+    again, contract = load_network(everything_model)
+    assert contract == EVERYTHING_CONTRACT
     photo = torch.rand(2, 3, 192, 135) - 0.5
-    torch.testing.assert_close(again.everything(photo)[2], network().everything(photo)[2])
+    expected = random_network(EVERYTHING).everything(photo)[2]
+    torch.testing.assert_close(again.everything(photo)[2], expected)
     said = sureness_of(estimate)
     assert said is not None
     assert said.record()["scale"]["brightness"] > 0

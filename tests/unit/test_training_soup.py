@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from deeplight.deploy.onnx import export_onnx
 from deeplight.errors import ModelError
 from deeplight.training import checkpoint
 from deeplight.training.config import TrainConfig, flatten
@@ -93,15 +92,16 @@ def test_another_network_and_no_share_are_refused(tmp_path: Path) -> None:
 
 
 @torch.no_grad()
-def test_an_exported_network_can_be_a_part(tmp_path: Path, shallow_networks: None) -> None:
-    a, b = saved(tmp_path / "a.safetensors", 1), saved(tmp_path / "b.safetensors", 2)
-    first, contract = load_network(a)
-    export_onnx(first, contract, tmp_path / "a.onnx", float16=False)
-    average_weights([(tmp_path / "a.onnx", 1.0), (b, 3.0)], tmp_path / "soup.safetensors")
+def test_an_exported_network_can_be_a_part(root: Path, tmp_path: Path) -> None:
+    a = root / "tests/golden/tiny.onnx"
+    first, _ = load_network(a)
+    with_norms = replace(SMALL, width=0.05, decoder_widths=(8, 8))  # as it was before its export
+    b = saved(tmp_path / "b.safetensors", 2, with_norms)
+    average_weights([(a, 1.0), (b, 3.0)], tmp_path / "soup.safetensors")
     soup, _ = load_network(tmp_path / "soup.safetensors")
     second, _ = load_network(b)
     for name, value in soup.state_dict().items():
         expected = 0.25 * first.state_dict()[name] + 0.75 * second.state_dict()[name]
         torch.testing.assert_close(value, expected, rtol=1e-4, atol=1e-5)
     with pytest.raises(ModelError, match="exported files only"):
-        average_weights([(tmp_path / "a.onnx", 1.0)], tmp_path / "other.safetensors")
+        average_weights([(a, 1.0)], tmp_path / "other.safetensors")
