@@ -78,7 +78,7 @@ function l1(got: readonly number[], want: readonly number[], reach = 0.93): numb
 }
 
 const drawn = (
-  material: "mirror" | "diffuse" | "glossy",
+  material: "mirror" | "diffuse" | "glossy" | "cube",
   log: number[],
   pose: readonly [number, number, number],
 ): Promise<number[]> => page.evaluate((of) => window.ball(...of), [material, log, pose] as const);
@@ -98,6 +98,15 @@ test("three.js's own materials see the same light, the same way round", async ()
   const coat = 0.55; // its colour, drawn here as bare metal
   const want = light.map((log) => coat * Math.exp(log));
   expect(l1(await drawn("glossy", light, HELD), want)).toBeLessThan(0.03);
+});
+
+test.each([
+  ["straight", STRAIGHT],
+  ["held askew", HELD],
+] as const)("the package's cube texture is the light, for a camera %s", async (_, pose) => {
+  const want = lamps().map(Math.exp);
+  expect(l1(await drawn("cube", lamps(), pose), want)).toBeLessThan(0.03);
+  expect(l1(await drawn("cube", lamps(true), pose), want)).toBeGreaterThan(0.1);
 });
 
 test("white light gives the reflectivity of the diffuse sphere", async () => {

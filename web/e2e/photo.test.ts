@@ -180,6 +180,30 @@ describe("with one photo", () => {
     await page.locator("#view").press("Home");
   });
 
+  test("a ring shows where a tap would place it: on the floor, not in the sky", async () => {
+    await page.locator("#view").press("Home");
+    await page.locator("#view").evaluate(atRest);
+    const box = (await page.locator("#view").boundingBox())!;
+    const [floor, sky] = [0.78, 0.12].map((down) => ({
+      x: box.x + 0.25 * box.width,
+      y: box.y + down * box.height,
+    })) as [{ x: number; y: number }, { x: number; y: number }];
+    const around = ({ x, y }: typeof floor) =>
+      page.screenshot({ clip: { x: x - 60, y: y - 30, width: 120, height: 60 } });
+    const aimedAt = async ({ x, y }: typeof floor) => {
+      await page.mouse.move(x, y);
+      await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(drawn)));
+    };
+    await aimedAt(sky);
+    const [bare, clouds] = [await around(floor), await around(sky)];
+    await aimedAt(floor);
+    await expect.poll(async () => (await around(floor)).equals(bare)).toBe(false);
+    expect((await around(sky)).equals(clouds)).toBe(true);
+    await aimedAt(sky);
+    await expect.poll(async () => (await around(floor)).equals(bare)).toBe(true);
+    expect((await around(sky)).equals(clouds)).toBe(true);
+  });
+
   test("every material is another picture", async () => {
     await page.locator("#view").press("Home");
     const seen: string[] = [];

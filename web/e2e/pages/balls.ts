@@ -1,14 +1,17 @@
 /** Draws a ball as the page would, seen from far away, so that a mirror one shows the light's own mapping. */
 import {
   FloatType,
+  type Material,
   Matrix4,
   Mesh,
+  MeshBasicMaterial,
   OrthographicCamera,
   Scene,
   SphereGeometry,
   WebGLRenderer,
   WebGLRenderTarget,
 } from "three";
+import { cubeTexture } from "../../packages/deeplight/src/adapters/three.ts";
 import { Lighting } from "../../packages/deeplight/src/light/lighting.ts";
 import type { Matrix3x3 } from "../../packages/deeplight/src/light/matrix.ts";
 import { Light } from "../../packages/deeplight/src/light.ts";
@@ -21,7 +24,16 @@ const FINER = 4;
 const renderer = new WebGLRenderer();
 const light = new BallLight();
 
-type Kind = "mirror" | "diffuse" | "silver" | "glossy";
+/** "cube" is a mirror in the package's cube texture. */
+type Kind = "mirror" | "diffuse" | "silver" | "glossy" | "cube";
+
+function materialOf(kind: Kind, lighting: Light): Material {
+  if (kind === "cube") return new MeshBasicMaterial({ envMap: cubeTexture(lighting) });
+  if (kind === "mirror") return light.mirror();
+  const material = light.lights(standardMaterial(kind));
+  if (kind === "glossy") Object.assign(material, { roughness: 0, metalness: 1 }); // sharp
+  return material;
+}
 
 /** Linear radiance, rows from the top, RGB, of a ball of a material seen by a camera held like that. */
 function ball(
@@ -30,12 +42,10 @@ function ball(
   [yaw, pitch, roll]: readonly [number, number, number],
 ): number[] {
   const pose = worldFromCamera(yaw, pitch, roll);
-  const lighting = new Lighting(Float32Array.from(logRadiance));
+  const estimated = new Light(new Lighting(Float32Array.from(logRadiance)), null);
   const scene = new Scene();
-  light.set(new Light(lighting, null), pose);
-  const material = kind === "mirror" ? light.mirror() : light.lights(standardMaterial(kind));
-  if (kind === "glossy") Object.assign(material, { roughness: 0, metalness: 1 }); // sharp
-  scene.add(new Mesh(new SphereGeometry(1, 192, 96), material));
+  light.set(estimated, pose);
+  scene.add(new Mesh(new SphereGeometry(1, 192, 96), materialOf(kind, estimated.turned(pose))));
   const pixels = SIZE * FINER;
   const target = new WebGLRenderTarget(pixels, pixels, { type: FloatType });
   renderer.setRenderTarget(target);
