@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from deeplight.io.radiance import read_hdr
+from round_trips import VIEW, report
 from scripts import loaded
 
 PYTHON = os.environ.get("DEEPLIGHT_BLENDER_PYTHON", sys.executable)
@@ -65,6 +66,7 @@ def made(
     _run("estimate", photo, "--out", folder / "own")
     own = folder / "own/hall.json"
     _run("convert", own, "--out", folder / "apart.json", "--lamps-apart", "--size", "64")
+    _run("convert", own, "--out", folder / "mitsuba.exr", "--for", "mitsuba")
     return json.loads((folder / "scene.json").read_text()), folder
 
 
@@ -107,6 +109,22 @@ class TestInBlender:
         np.testing.assert_allclose(facts["view"], [0, math.cos(PITCH), math.sin(PITCH)], atol=1e-5)
         assert facts["background"] == facts["catchers"] == 1
 
+    def test_a_grey_ball_is_lit_as_in_mitsuba(self, made) -> None:
+        pytest.importorskip("mitsuba")
+        _, folder = made
+        mitsuba_export = loaded(Path(__file__).parent / "test_mitsuba_export.py")
+        theirs = coarse(mitsuba_export.ball("diffuse", folder / "mitsuba.exr", 512))
+        ours = coarse(read_hdr(folder / "ball.exr")[..., :3])
+        right = apart(ours, theirs)
+        power = ours.mean() / theirs.mean()
+        report(
+            f"Blender's ball off Mitsuba's by {100 * right:.1f} % of its mean, power {power:.3f}"
+        )
+        assert right < 0.025
+        assert power == pytest.approx(1, abs=0.01)
+        assert apart(ours[:, ::-1], theirs) > 1.5 * right  # a hall, as above
+        assert apart(ours[::-1], theirs) > 3 * right
+
     def test_a_file_that_is_no_photo_is_refused_in_blender_s_way(self, made) -> None:
         facts, _ = made
         assert "expected" in facts["bad"]
@@ -129,6 +147,12 @@ def in_blender(direction: np.ndarray, pitch: float) -> np.ndarray:
 def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
     cosine = a @ b / np.linalg.norm(a) / np.linalg.norm(b)
     return math.degrees(math.acos(min(max(cosine, -1), 1)))
+
+
+def coarse(ball: np.ndarray) -> np.ndarray:
+    """Means of 8 x 8 pixels of a ball: their noise is an eighth of a pixel's."""
+    rows = (ball * VIEW.mask()[..., None]).reshape(8, 8, 8, 8, 3)
+    return rows.mean(axis=(1, 3))
 
 
 def apart(a: np.ndarray, b: np.ndarray) -> float:
