@@ -1,6 +1,7 @@
 """What composing needs next to Mitsuba: the camera over the plane, look, layers, variant, light."""
 
 import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,7 @@ from deeplight.compose.denoise import denoised
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.look import blurred, grain, look_of
 from deeplight.compose.trace import Layers
-from deeplight.errors import ConfigError, ImageFileError
+from deeplight.errors import ConfigError, ImageFileError, InputError, MissingExtraError
 from deeplight.io.environment_file import read_environment
 
 VIEW = Viewpoint(PinholeCamera(640, 480, np.radians(50)), 1.4, np.radians(-20), np.radians(7))
@@ -153,6 +154,29 @@ def test_llvm_is_tried_once_in_a_child_process(
             engine.mitsuba("llvm")
         assert engine.mitsuba("auto").variant() == "scalar_rgb"
     engine.llvm_works.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("fails", "error", "says"),
+    [
+        ("raise ModuleNotFoundError('mitsuba')", MissingExtraError, "render"),
+        ("raise ImportError('libatomic.so.1: no such file')", ConfigError, "libatomic.so.1"),
+        (
+            "try:\n    raise ImportError('libatomic.so.1: no such file')\n"
+            "except ImportError:\n    not_defined",
+            ConfigError,
+            "libatomic.so.1",
+        ),
+    ],
+)
+def test_a_renderer_that_does_not_load_is_one_line(
+    fails: str, error: type[InputError], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mitsuba.py").write_text(fails)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mitsuba", raising=False)
+    with pytest.raises(error, match=says):
+        engine.mitsuba()
 
 
 def test_a_panorama_as_light_keeps_its_direction(tmp_path: Path) -> None:

@@ -19,13 +19,18 @@ def mitsuba(engine: str = "auto") -> Any:
             LLVM where it works.
 
     Raises:
-        ConfigError: another engine, or one that does not work here.
+        ConfigError: another engine, or one that does not work here; Mitsuba is installed and a
+            library of the system that it needs is not.
         MissingExtraError: Mitsuba is not installed.
     """
     try:
         import mitsuba as mi
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise MissingExtraError("render", "rendering") from error
+    except (ImportError, NameError) as error:  # a NameError follows where Dr.Jit could not load
+        got = f"Mitsuba that does not load: {error.__context__ or error}"
+        do = "install that library (libatomic1, say, in Debian)"
+        raise ConfigError("every library that Mitsuba needs", got, do) from error
     if engine not in (*ENGINES, "auto"):
         raise ConfigError(f"an engine of auto, {', '.join(ENGINES)}", engine, "choose one of these")
     if engine == "auto":
