@@ -41,27 +41,28 @@ LONGEST = (
 ).split()
 
 
-# Files that export networks: of processes that share the files, one takes them all, since it takes
-# seconds to load what exports, and more to make the models that they share.
-EXPORTING = (
+# Files that export networks, and those that render: of processes that share the files, one takes
+# all of a row, since it takes seconds to load what does that, and more to make what they share.
+TOGETHER = (
     "test_export test_calibrate test_onnx test_training_heads test_training_lamps"
-    " test_training_variants"
-).split()
+    " test_training_variants",
+    "test_compose test_mitsuba test_transfer_mitsuba test_render_follow test_render_objects",
+)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Keep the files of `EXPORTING` together where each file stays in one process."""
+    """Keep each row of `TOGETHER` in one process where each file stays in one."""
     if config.getoption("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
 
-    class ExportsTogether(LoadFileScheduling):
+    class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             path: str = super()._split_scope(nodeid)
-            return "exports" if Path(path).stem in EXPORTING else path
+            return next((row for row in TOGETHER if Path(path).stem in row.split()), path)
 
-    return ExportsTogether(config, log)
+    return Scheduling(config, log)
 
 
 def pytest_collection_finish() -> None:

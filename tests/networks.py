@@ -42,7 +42,7 @@ def shallow() -> Iterator[None]:
     """Networks of one block a stage while it lasts, six of sixteen: a third of the time to export.
 
     For laws of files that hold for any depth; that the whole network comes back from one is tested
-    in `tests/parity/test_onnx.py` and on the shipped file.
+    on the shipped file, and by the long tests of `tests/parity/test_onnx.py`.
     """
     stages = tuple((expansion, wide, 1, by) for expansion, wide, _, by in mobilenet_v2.STAGES)
     with pytest.MonkeyPatch.context() as patch:

@@ -35,7 +35,7 @@ def test_an_onnx_file_comes_back_the_same(
     monkeypatch.setattr(onnx, "traced", traced_once)
     out = tmp_path / "again.onnx"
     assert main(["export", str(everything_model), "--out", str(out), "--precision", precision]) == 0
-    old, new = OnnxEstimator(everything_model), OnnxEstimator(out)
+    old, new = (OnnxEstimator(path, trusted=True) for path in (everything_model, out))
     difference = np.abs(old.estimate_inputs(photos()) - new.estimate_inputs(photos()))
     assert difference.max() < bound
     assert new.contract == old.contract
@@ -55,7 +55,7 @@ def test_a_runs_best_weights_are_exported_with_batch_norm_folded(tmp_path, shall
     out = tmp_path / "mine.onnx"
     words = [str(tmp_path / "run"), "--out", str(out), "--trained-on", "a test"]
     assert main(["export", *words]) == 0
-    estimator = OnnxEstimator(out)
+    estimator = OnnxEstimator(out, trusted=True)
     import torch
 
     with torch.no_grad():
@@ -71,7 +71,7 @@ def test_the_shipped_model_is_read_back_as_a_network(root):
     network, contract = load_network(path)
     with torch.no_grad():
         found = network(torch.from_numpy(photos())).permute(0, 2, 3, 1).numpy()
-    estimator = OnnxEstimator(path)
+    estimator = OnnxEstimator(path, trusted=True)
     np.testing.assert_allclose(found, estimator.estimate_inputs(photos()), atol=1e-4)
     assert contract == estimator.contract
     flipped = estimator.estimate_inputs(photos()[..., ::-1])  # the twin that must fail
@@ -147,7 +147,7 @@ def test_several_networks_answer_with_the_mean_of_their_light(networks):
 
 @pytest.fixture(scope="module")
 def averaged(flipped_model):
-    return OnnxEstimator(flipped_model)
+    return OnnxEstimator(flipped_model, trusted=True)
 
 
 def test_a_file_answers_as_the_mean_does(networks, averaged):

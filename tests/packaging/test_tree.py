@@ -5,8 +5,10 @@ import re
 import subprocess
 import tomllib
 import zipfile
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -34,6 +36,28 @@ def tracked(root: Path) -> list[Path]:
 def python_files(root: Path) -> list[Path]:
     folders = ("src", "lab", "benchmarks", "examples", "docs")
     return sorted(path for name in folders for path in (root / name).rglob("*.py"))
+
+
+class Part(NamedTuple):
+    """What may have a docstring; `length` is a function's lines below it, 0 of others."""
+
+    name: str
+    line: int
+    docstring: str
+    length: int
+
+
+@cache
+def parts_of(source: str) -> tuple[Part, ...]:
+    """Give the modules, classes and functions of a file, parsed once for all tests."""
+    functions = ast.FunctionDef | ast.AsyncFunctionDef
+    parts = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Module | ast.ClassDef | functions):
+            length = body_length(node) if isinstance(node, functions) else 0
+            where = getattr(node, "name", ""), getattr(node, "lineno", 1)
+            parts.append(Part(*where, ast.get_docstring(node) or "", length))
+    return tuple(parts)
 
 
 def test_the_readme_names_every_verb_and_links_every_document(root: Path) -> None:
@@ -71,15 +95,9 @@ def test_the_site_understands_the_heads_of_code_blocks(root: Path) -> None:
 def test_the_site_understands_examples_of_docstrings(root: Path) -> None:
     """They stand below `Examples:`; elsewhere their marks are taken for quotations."""
     for path in (root / "src").rglob("*.py"):
-        for text in docstrings(path.read_text()):
-            before = text.split(">>>")[0]
-            assert before == text or "Examples:\n" in before, path
-
-
-def docstrings(source: str) -> list[str]:
-    named = (ast.Module, ast.ClassDef, ast.FunctionDef)
-    nodes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, named)]
-    return [ast.get_docstring(node) or "" for node in nodes]
+        for part in parts_of(path.read_text()):
+            before = part.docstring.split(">>>")[0]
+            assert before == part.docstring or "Examples:\n" in before, path
 
 
 PLAIN = re.compile(r"\b(told|tells?|beside|so many)\b", re.IGNORECASE)
@@ -114,12 +132,9 @@ def test_every_place_names_the_same_version(root: Path) -> None:
 def test_functions_are_short(root: Path) -> None:
     too_long = []
     for path in python_files(root):
-        text = path.read_text()
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                length = body_length(node)
-                if length > LONGEST_FUNCTION:
-                    too_long.append(f"{path.name}:{node.lineno} {node.name}: {length} lines")
+        for part in parts_of(path.read_text()):
+            if part.length > LONGEST_FUNCTION:
+                too_long.append(f"{path.name}:{part.line} {part.name}: {part.length} lines")
     assert too_long == []
 
 
@@ -137,9 +152,7 @@ def body_length(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 def test_a_long_function_would_be_found() -> None:
     source = 'def f():\n    """Doc."""\n' + "    x = 1\n" * 61
-    function = ast.parse(source).body[0]
-    assert isinstance(function, ast.FunctionDef)
-    assert body_length(function) == 61
+    assert [part.length for part in parts_of(source)] == [0, 61]
 
 
 DESCRIBES = set(
@@ -152,9 +165,7 @@ DESCRIBES = set(
 
 def moods(source: str) -> list[str]:
     """First lines of docstrings in the third person."""
-    documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-    nodes = (node for node in ast.walk(ast.parse(source)) if isinstance(node, documented))
-    first = [(ast.get_docstring(node) or "-").splitlines()[0] for node in nodes]
+    first = [(part.docstring or "-").splitlines()[0] for part in parts_of(source)]
     return [line for line in first if line.split()[0] in DESCRIBES]
 
 

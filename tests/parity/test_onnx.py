@@ -1,6 +1,7 @@
 """The exported file computes what torch computes, and says how to call it."""
 
 import copy
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +15,22 @@ from deeplight.contract import CONTRACT_KEY, ModelContract
 from deeplight.deploy.onnx import ready_to_trace, store_as_float16, traced, write_model
 from deeplight.errors import ModelError
 from deeplight.training.network.generator import Generator, NetworkConfig
+from networks import shallow
 
 pytestmark = pytest.mark.needs("onnxscript")
 
 CONTRACT = ModelContract(trained_on="nothing yet")
 
 
-@pytest.fixture(scope="module")
-def generator():
+@pytest.fixture(
+    scope="module", params=["few blocks", pytest.param("whole", marks=pytest.mark.slow)]
+)
+def generator(request):
+    with shallow() if request.param == "few blocks" else nullcontext():
+        yield as_if_trained()
+
+
+def as_if_trained():
     # He's weights keep the size of signals; random weights behind batch norm would be chaotic
     # and blow up rounding errors as no trained network does. Folding is tested on its own.
     torch.manual_seed(0)
