@@ -11,7 +11,7 @@ from deeplight.frames import UP, world_from_camera
 from deeplight.io.tilt import tilt_of
 from scripts import loaded
 
-MADE = loaded(Path(__file__).parents[1] / "golden/make_web_tilt.py")
+MADE = loaded(Path(__file__).parents[1] / "golden/make_web_exif.py")
 
 
 def iphone_photo(up: np.ndarray, orientation: int, path: Path) -> Path:

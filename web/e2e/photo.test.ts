@@ -82,7 +82,7 @@ test.each([
 
 /** PAGODA with the EXIF data of a golden photo. */
 async function tilted(name: string): Promise<string> {
-  const file = Buffer.from(golden("tilt")[name].file, "base64");
+  const file = Buffer.from(golden("exif")[name].file, "base64");
   const start = file.indexOf("ffe1", 0, "hex");
   const exif = file.subarray(start, start + 2 + file.readUInt16BE(start + 2));
   const path = join(await mkdtemp(join(tmpdir(), "deeplight-")), "tilted.jpg");

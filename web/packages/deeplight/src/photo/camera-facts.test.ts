@@ -7,28 +7,49 @@ const file = (name: string): ArrayBuffer => {
   const content = readFileSync(new URL(`../../../../../examples/photos/${name}`, import.meta.url));
   return new Uint8Array(content).buffer;
 };
-const fov = (name: string, width: number, height: number) =>
-  cameraFacts(file(name), width, height).verticalFovRad;
+
+interface Photo {
+  readonly file: string;
+  readonly width: number;
+  readonly height: number;
+  readonly up: number[] | null;
+  readonly vertical_fov_rad: number | null;
+}
+
+const photos: Record<string, Photo> = golden("exif");
+const factsOf = ({ file, width, height }: Photo) =>
+  cameraFacts(bytes(file).slice().buffer, width, height);
+const upIn = (content: Uint8Array) => cameraFacts(content.slice().buffer, 24, 16).up;
 
 describe("the field of view", () => {
-  it("is that of the 35 mm equivalent that the simulated camera wrote, whichever side is up", () => {
-    const upright = 2 * Math.atan(960 / 2 / ((29 / Math.hypot(36, 24)) * Math.hypot(540, 960)));
-    expect(fov("canteen.jpg", 540, 960)).toBeCloseTo(upright, 6);
-    expect(fov("canteen.jpg", 960, 540)).toBeLessThan(upright);
+  test.each(Object.entries(photos))("is Python's: %s", (_, photo) => {
+    const { verticalFovRad } = factsOf(photo);
+    if (photo.vertical_fov_rad === null) expect(verticalFovRad).toBeUndefined();
+    else expect(verticalFovRad).toBeCloseTo(photo.vertical_fov_rad, 9);
   });
 
-  it("is not known where nothing says it", () => {
-    expect(fov("cat.jpg", 640, 427)).toBeUndefined();
-    expect(cameraFacts(new ArrayBuffer(0), 1, 1)).toEqual({ verticalFovRad: undefined, up: null });
+  test.each(["35 mm equivalent", "sensor"])("is another one of the photo turned: %s", (name) => {
+    const { width, height, ...photo } = photos[name]!;
+    const { verticalFovRad } = factsOf({ ...photo, width: height, height: width });
+    expect(Math.abs(verticalFovRad! - photo.vertical_fov_rad!)).toBeGreaterThan(0.1);
+  });
+
+  it("is what the simulated camera wrote", () => {
+    const focal = (29 / Math.hypot(36, 24)) * Math.hypot(540, 960);
+    const { verticalFovRad } = cameraFacts(file("canteen.jpg"), 540, 960);
+    expect(verticalFovRad).toBeCloseTo(2 * Math.atan(960 / 2 / focal), 6);
+  });
+
+  it("is not known where there is no EXIF data", () => {
+    const nothing = { verticalFovRad: undefined, up: null };
+    expect(cameraFacts(file("cat.jpg"), 640, 427)).toEqual(nothing);
+    expect(cameraFacts(new ArrayBuffer(0), 1, 1)).toEqual(nothing);
   });
 });
 
-const photos: Record<string, { file: string; up: number[] | null }> = golden("tilt");
-const upIn = (content: Uint8Array) => cameraFacts(content.slice().buffer, 8, 8).up;
-
 describe("where up is", () => {
   test.each(Object.entries(photos))("is Python's: %s", (_, photo) => {
-    const up = upIn(bytes(photo.file));
+    const { up } = factsOf(photo);
     expect(up === null).toBe(photo.up === null);
     if (up && photo.up) expect(largestError(up, photo.up)).toBeLessThan(1e-6);
   });

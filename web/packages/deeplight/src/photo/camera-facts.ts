@@ -12,7 +12,11 @@ export interface CameraFacts {
 const DIAGONAL_35MM_MM = Math.hypot(36, 24);
 const PLAUSIBLE_RAD = [Math.PI / 60, (150 * Math.PI) / 180] as const;
 const STEEPEST_DEG = 89;
-const [ORIENTATION, MAKER_NOTE, ELEVATION, FOCAL_LENGTH_35MM] = [0x0112, 0x927c, 0x9405, 0xa405];
+const [ORIENTATION, MAKER_NOTE, ELEVATION] = [0x0112, 0x927c, 0x9405];
+const [FOCAL_LENGTH_35MM, FOCAL_LENGTH, ORIGINAL_WIDTH] = [0xa405, 0x920a, 0xa002];
+/** Of the sensor, along the stored rows. */
+const [PIXELS_PER_UNIT, UNIT] = [0xa20e, 0xa210];
+const MM_PER_UNIT: Readonly<Record<number, number>> = { 2: 25.4, 3: 10, 4: 1, 5: 0.001 };
 const APPLE = "Apple iOS\0";
 const [APPLE_ENTRIES, ACCELERATION] = [14, 8];
 
@@ -23,12 +27,23 @@ export function cameraFacts(file: ArrayBuffer, width: number, height: number): C
   return { verticalFovRad: verticalFovRad(exif, width, height), up: upOf(exif) };
 }
 
-function verticalFovRad({ camera, isLittle }: Exif, width: number, height: number) {
-  const focalMm = numberOf(camera.get(FOCAL_LENGTH_35MM), isLittle);
-  if (!focalMm) return undefined;
-  const focalPx = (focalMm / DIAGONAL_35MM_MM) * Math.hypot(width, height);
-  const fov = 2 * Math.atan(height / 2 / focalPx);
+function verticalFovRad(exif: Exif, width: number, height: number) {
+  const fov = 2 * Math.atan(height / 2 / focalPx(exif, width, height));
   return fov >= PLAUSIBLE_RAD[0] && fov <= PLAUSIBLE_RAD[1] ? fov : undefined;
+}
+
+/** NaN where nothing says it. */
+function focalPx({ main, camera, isLittle }: Exif, width: number, height: number): number {
+  const said = (tag: number): number => numberOf(camera.get(tag), isLittle) ?? 0;
+  const like35mm = said(FOCAL_LENGTH_35MM);
+  if (like35mm > 0) return (like35mm / DIAGONAL_35MM_MM) * Math.hypot(width, height);
+  const pixelsPerMm = said(PIXELS_PER_UNIT) / (MM_PER_UNIT[said(UNIT) || 2] ?? Number.NaN);
+  const focal = said(FOCAL_LENGTH) * pixelsPerMm;
+  if (!(focal > 0)) return Number.NaN;
+  // A picture made smaller later keeps the resolution of the original.
+  const isOnItsSide = (numberOf(main.get(ORIENTATION), isLittle) ?? 1) >= 5;
+  const original = said(ORIGINAL_WIDTH);
+  return original > 0 ? (focal * (isOnItsSide ? height : width)) / original : focal;
 }
 
 /** By an iPhone's acceleration, else by the elevation of the view. */
