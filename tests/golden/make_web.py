@@ -36,6 +36,7 @@ from deeplight.estimators.results import write_results
 from deeplight.frames import normalised, turned, world_from_camera
 from deeplight.fuse import blend, gains, merge, session, steady, view
 from deeplight.io import colour, lighting_file
+from deeplight.io.tilt import Tilt
 from deeplight.lamp import Lamp
 from deeplight.lighting import LIGHTING_SIZE, Lighting
 from deeplight.mappings import latlong, mirror_ball
@@ -219,7 +220,7 @@ def photo_golden() -> dict[str, Any]:
 
 
 SCENE_ROWS, SCENE_FOV_RAD = 160, 1.3
-SCENE_UP = world_from_camera(0, -0.25, 0.1)[1]
+SCENE_TILT = Tilt(-0.25, 0.1, "made up", 0.1)
 
 
 def scene_golden() -> dict[str, Any]:
@@ -237,14 +238,14 @@ def scene_golden() -> dict[str, Any]:
     cases = {
         "lamps": (Lighting(drawn), own, None),
         "no_lamps": (lighting, [], None),
-        "upright": (Lighting(drawn), own, SCENE_UP),
+        "upright": (Lighting(drawn), own, SCENE_TILT),
     }
     return {
         "vertical_fov_rad": SCENE_FOV_RAD,
         "photo": {"height": len(photo), "width": photo.shape[1], "rgb": as_text(photo)},
         "rows": SCENE_ROWS,
         "own_lamps": [_lamp(lamp) for lamp in own],
-        "up": SCENE_UP.tolist(),
+        "tilt": {"up": SCENE_TILT.up.tolist(), "scaleRad": SCENE_TILT.scale_rad},
         **{name: _scene(photo, plane, *case) for name, case in cases.items()},
     }
 
@@ -265,9 +266,9 @@ def _scene(
     plane: projection.ImagePlane,
     lighting: Lighting,
     own: list[Lamp],
-    up: np.ndarray | None,
+    tilt: Tilt | None,
 ) -> dict[str, Any]:
-    scene = assemble(lighting, photo, plane, SCENE_ROWS, own, up=up)
+    scene = assemble(lighting, photo, plane, SCENE_ROWS, own, tilt=tilt)
     environment = scene.environment
     return {
         "ball": packed(lighting.radiance),

@@ -4,21 +4,26 @@ import numpy as np
 import pytest
 
 from deeplight.camera import PinholeCamera
-from deeplight.estimators.continuation import continued, up_of
+from deeplight.estimators.continuation import continued
 from deeplight.estimators.projection import ImagePlane, ProjectedPhoto, project_photo
 from deeplight.estimators.surroundings import power_of
-from deeplight.frames import MIRROR_X, turned, world_from_camera
+from deeplight.estimators.upright import guessed_tilt
+from deeplight.frames import turned, world_from_camera
 from deeplight.io.tilt import Tilt
 from deeplight.mappings import latlong
 
 HEIGHT = 64
 CAMERA = PinholeCamera(120, 200, float(np.radians(66)))
 DIRECTIONS = latlong.directions(HEIGHT, 2 * HEIGHT)
-UPRIGHT = {"pitch_rad": -0.3} | {f"upright_{turn}": float(turn == 0) for turn in (0, 90, 180, 270)}
+UPRIGHT = {f"upright_{turn}": float(turn == 0) for turn in (0, 90, 180, 270)}
 
 
 def pose(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
     return world_from_camera(0.0, np.radians(pitch_deg), np.radians(roll_deg))
+
+
+def held(pitch_deg: float, roll_deg: float = 0.0, scale_deg: float = 0.0) -> Tilt:
+    return Tilt(*np.radians([pitch_deg, roll_deg]), "a test", float(np.radians(scale_deg)))
 
 
 def projected(pixels: np.ndarray) -> ProjectedPhoto:
@@ -45,20 +50,30 @@ def contrast_at_the_horizon(found: np.ndarray, up: np.ndarray) -> float:
     return float(above / below)
 
 
-@pytest.mark.parametrize("held", [(0, 0), (-18, 0), (12, 0), (-15, 12)])
-def test_the_horizon_goes_on_behind_the_camera(held):
-    up = pose(*held)[1]
-    photo = landscape(pose(*held))
-    assert contrast_at_the_horizon(continued(even(), photo, up), up) > 2
-    wrong = pose(held[0] + 20)[1]
+@pytest.mark.parametrize("angles", [(0, 0), (-18, 0), (12, 0), (-15, 12)])
+def test_the_horizon_goes_on_behind_the_camera(angles):
+    up, photo = pose(*angles)[1], landscape(pose(*angles))
+    assert contrast_at_the_horizon(continued(even(), photo, held(*angles)), up) > 2
+    wrong = held(angles[0] + 20)
     assert contrast_at_the_horizon(continued(even(), photo, wrong), up) < 1.5
+
+
+def test_the_less_the_pitch_is_known_the_less_goes_on():
+    up, photo = pose(-12)[1], landscape(pose(-12))
+    found = [
+        contrast_at_the_horizon(continued(even(), photo, held(-12, scale_deg=scale)), up)
+        for scale in (0, 8, 16, 40)
+    ]
+    assert found == sorted(found, reverse=True)
+    assert found[0] > 2
+    assert found[-1] < 1.05
 
 
 def test_power_stays_and_so_does_what_the_photo_shows():
     rng = np.random.default_rng(3)
     surroundings = rng.uniform(0.05, 2, (HEIGHT, 2 * HEIGHT, 3)).astype(np.float32)
     photo = landscape(pose(-15))
-    found = continued(surroundings, photo, pose(-15)[1])
+    found = continued(surroundings, photo, held(-15))
     shown = photo.seen == 1
     np.testing.assert_allclose(found[shown], surroundings[shown], rtol=1e-5)
     np.testing.assert_allclose(power_of(found), power_of(surroundings), rtol=1e-4)
@@ -66,55 +81,73 @@ def test_power_stays_and_so_does_what_the_photo_shows():
 
 
 def test_the_flipped_photo_goes_on_flipped():
-    up, photo = pose(-10, 8)[1], landscape(pose(-10, 8))
-    found = continued(even(), photo, up)
+    photo = landscape(pose(-10, 8))
+    found = continued(even(), photo, held(-10, 8))
     flipped = ProjectedPhoto(
         *(part[:, ::-1] for part in (photo.radiance, photo.seen, photo.clipped, photo.pixels))
     )
-    again = continued(even(), flipped, MIRROR_X @ up)[:, ::-1]
-    # A texel's width decides which column a row begins with.
-    assert np.abs(np.log(again / found)).mean() < 0.01
-    assert np.abs(np.log(continued(even(), photo, MIRROR_X @ up) / found)).mean() > 0.03
+    again = continued(even(), flipped, held(-10, -8))[:, ::-1]
+    np.testing.assert_allclose(again, found, rtol=1e-3)
+    unlike = continued(even(), photo, held(-10, -8))
+    assert np.abs(np.log(unlike / found)).mean() > 0.03
 
 
 def test_an_even_photo_in_its_own_light_changes_nothing():
     photo = projected(np.full((200, 120, 3), 128, np.uint8))
     light = even(float(photo.radiance.max()))
-    np.testing.assert_allclose(continued(light, photo, pose(-12)[1]), light, rtol=1e-4)
+    np.testing.assert_allclose(continued(light, photo, held(-12)), light, rtol=1e-4)
 
 
-def test_next_to_the_photo_stands_its_mirror_image():
-    photo = landscape(pose(0))
-    found = np.log(continued(even(), photo, pose(0)[1])[..., 1])
-    shown = np.log(np.maximum(photo.radiance[..., 1], 1e-3))
-    row = HEIGHT // 2 - 4
-    right = np.flatnonzero(photo.seen[row] > 0.98)[-1]
-    beyond, within = found[row, right + 3 : right + 9], shown[row, right - 2 : right - 8 : -1]
-    assert np.corrcoef(beyond, within)[0, 1] > 0.97
-    assert np.corrcoef(beyond, within[::-1])[0, 1] < 0.5  # the twin: not mirrored
+def test_things_do_not_come_again():
+    """Of upright stripes only their mean goes on: level rows of the result are smooth."""
+    photo, row = landscape(pose(0)), HEIGHT // 2 - 4
+    found = np.log(continued(even(), photo, held(0))[row, :, 1])
+    beyond = photo.seen_in_64_rows[row, :HEIGHT] == 0
+    shown = np.log(photo.radiance[row, photo.seen[row] > 0.98, 1])
+    assert np.abs(np.diff(found[:HEIGHT][beyond])).max() < 0.03 < np.abs(np.diff(shown)).max()
+    assert np.ptp(found[:HEIGHT][beyond]) > 0.1  # the mean does go on
 
 
-@pytest.mark.parametrize(("steep", "less_steep"), [(-88, -76), (85, 76)])
-def test_where_nothing_is_ahead_nothing_goes_on(steep, less_steep):
-    changes = [
-        np.abs(continued(even(), landscape(pose(pitch)), pose(pitch)[1]) - even()).max()
-        for pitch in (steep, less_steep)
-    ]
-    assert changes[0] == 0
-    assert changes[1] > 0.02
+def test_what_the_estimate_knows_of_left_and_right_stays():
+    """Level rows are moved as a whole; a photo without structure leaves their differences."""
+    light = even() * (1.5 + DIRECTIONS[..., :1])
+    photo = projected(np.full((200, 120, 3), 128, np.uint8))
+    found = continued(light, photo, held(0))
+    behind = slice(0, 20), slice(-20, None)
+    left, right = (found[HEIGHT // 2, side, 1].mean() for side in behind)
+    was = (light[HEIGHT // 2, side, 1].mean() for side in behind)
+    assert left / right == pytest.approx(next(was) / next(was), rel=0.02)
+
+
+def test_a_clipped_sky_does_not_darken_a_brighter_estimate():
+    pixels = np.full((200, 120, 3), 60, np.uint8)
+    pixels[:90] = 255
+    found = continued(even(3.0), projected(pixels), held(0))
+    pixels[:90] = 200
+    darker = continued(even(3.0), projected(pixels), held(0))
+    above = (DIRECTIONS[..., 1] > 0.2) & (DIRECTIONS[..., 2] > 0)
+    below = (DIRECTIONS[..., 1] < -0.2) & (DIRECTIONS[..., 2] > 0)
+    contrasts = [float(light[above].mean() / light[below].mean()) for light in (found, darker)]
+    assert contrasts[0] > 1.2 * contrasts[1]
+
+
+@pytest.mark.parametrize("pitch_deg", [-88, 85])
+def test_where_nothing_is_ahead_nothing_goes_on(pitch_deg):
+    np.testing.assert_array_equal(continued(even(), landscape(pose(0)), held(pitch_deg)), even())
 
 
 def test_a_sliver_of_a_photo_says_nothing_of_the_rest():
     narrow = project_photo(
         np.full((200, 40, 3), 200, np.uint8), ImagePlane(-0.05, 0.05, -0.3, 0.3), HEIGHT
     )
-    np.testing.assert_array_equal(continued(even(), narrow, pose(0)[1]), even())
+    np.testing.assert_array_equal(continued(even(), narrow, held(0)), even())
 
 
-def test_up_is_by_the_known_tilt_else_by_the_networks_guess():
-    assert up_of(None, {}) is None
-    np.testing.assert_allclose(up_of(None, UPRIGHT), world_from_camera(0, -0.3)[1])
-    tilt = Tilt(0.1, 0.2, "EXIF")
-    np.testing.assert_allclose(up_of(tilt, UPRIGHT), world_from_camera(0, 0.1, 0.2)[1])
-    lying = UPRIGHT | {"upright_0": 0.1, "upright_90": 0.9}
-    assert up_of(None, lying) is None
+def test_the_network_guesses_the_pitch_of_what_it_takes_for_upright():
+    heads = UPRIGHT | {"pitch_rad": -0.3, "pitch_scale": 0.1}
+    guess = guessed_tilt(heads)
+    assert guess is not None
+    np.testing.assert_allclose(guess.up, world_from_camera(0, -0.3)[1])
+    assert guess.scale_rad == 0.1
+    assert guessed_tilt({}) is None
+    assert guessed_tilt(heads | {"upright_0": 0.1, "upright_90": 0.9}) is None

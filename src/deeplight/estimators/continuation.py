@@ -1,156 +1,165 @@
 """The photo continued all around, so that what it does not show looks like the same place.
 
 Floor, walls and ceiling of a room, ground, horizon and sky lie at much the same elevation on all
-sides. So each level row of the photo goes on to both sides as its own mirror images, which meet
-without a seam, and its lowest ground reaches down to the feet. Of the estimate and of that the
-geometric mean is taken, weighted; the power of what is not seen stays the estimate's.
+sides. So the estimate is brought to the mean of the photo's level rows, row by row, whole next to
+the photo and in part behind the camera; the lowest ground goes on to the feet, the highest sky to
+the zenith. What the estimate knows of left and right stays, and so does the power of what is not
+seen. Nothing but means goes on: things would come again as ghosts.
 """
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int64
+from jaxtyping import Float, Float32, Int
 
 from deeplight.estimators.projection import ProjectedPhoto, smoothstep
-from deeplight.estimators.surroundings import kept_power, power_of
-from deeplight.estimators.upright import guessed_tilt
-from deeplight.frames import VIEW, Rotation, turned
+from deeplight.estimators.surroundings import enlarged, kept_power, power_of
+from deeplight.frames import VIEW, normalised
 from deeplight.io.tilt import Tilt
-from deeplight.mappings import latlong, resample
+from deeplight.mappings import latlong
 
-WEIGHT = 0.6
-"""Of the continued photo; the estimate has the rest. Chosen on validation places, where 0.5 to 0.7
-are as good, as are colours whole or half (`benchmarks/photo_environment.py`)."""
-COLOUR = 0.7
-"""So much of what the continued photo changes in colour. All of it would turn the sky blue above an
-orange table, since the power of each channel is kept."""
-_DETAIL_TO_RAD, _DETAIL_LEFT = np.radians(70), 0.15
-"""So far from the photo its detail fades, to this share, into its row's mean: it is a place that
-goes on, not its things."""
+BEHIND = 0.8
+"""Of the photo's rows behind a camera whose tilt is known; next to the photo they are whole. Chosen
+on validation places, as is what follows (`benchmarks/photo_environment.py`)."""
+DOUBT_RAD = 0.2
+"""A pitch that may be so far off is worth 0.6 of a known one, twice as far 0.14 (Gaussian)."""
+SKY = 0.6
+"""Of the highest row, above it: the sky is brighter or darker there more often than the ground."""
 _SHOWN = 0.98  # of a texel, from which on it is a piece of the photo
-_LEAST_TURN_RAD = np.radians(15)  # of a row: less of it says nothing of the rest
-_LEAST_OF_WIDEST = 0.75  # a row that the photo's corners cut off is left out
-_FADE_RAD = np.radians(10)  # beyond the highest and the lowest row
-_GROUND_RAD = np.radians(10), np.radians(25)  # below the horizon: the lowest row becomes ground
+_LEAST_OF_WIDEST = 0.5  # a row of which the photo's corners cut off more is left out
+_LEAST_TURN_RAD = np.radians(15), np.radians(45)  # whatever the widest: too little, and enough
+_FADE_RAD = float(np.radians(10))  # beyond the highest and the lowest row
+_OUTER_RAD = np.radians(10), np.radians(25)  # from the horizon: the outermost row is ground or sky
+_EVERY = 2  # texels of the estimate, which is smooth: of these its rows' means are taken
 _DARKEST = 1e-3
 _STEEPEST = 0.98  # sine of the pitch beyond which nothing is ahead
 
 
-def up_of(tilt: Tilt | None, heads: Mapping[str, float]) -> Float[np.ndarray, "3"] | None:
-    """Where up is in the camera frame: by the tilt that is known, else by the network's guess of
-    the pitch. None where neither says, and where the network takes the photo to lie on its side."""
-    known = tilt or guessed_tilt(heads)
-    return None if known is None else known.up
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Means along the level rows of a panorama, the highest first.
+
+    Attributes:
+        turn_rad: how much of each row they are of.
+        logs: ln radiance.
+        clipped: part that is clipped.
+    """
+
+    turn_rad: Float[np.ndarray, " rows"]
+    logs: Float[np.ndarray, "rows 3"]
+    clipped: Float[np.ndarray, "rows 3"]
 
 
 def continued(
-    surroundings: Float32[np.ndarray, "height width 3"],
-    photo: ProjectedPhoto,
-    up: Float[np.ndarray, "3"],
+    surroundings: Float32[np.ndarray, "height width 3"], photo: ProjectedPhoto, tilt: Tilt
 ) -> Float32[np.ndarray, "height width 3"]:
-    """The surroundings blended with the photo's level rows, continued to both sides.
+    """The surroundings brought to the photo's level rows, also where it does not look.
 
     Args:
         surroundings: linear radiance, camera frame; what lies where the photo looks stays.
-        photo: at as many rows or a whole multiple of them.
-        up: unit vector, camera frame.
+        photo: at as many rows or more.
+        tilt: the camera's; the less it is known, the less goes on.
     """
-    camera_from_level = _level(up)
-    if camera_from_level is None:
+    up = tilt.up
+    if abs(VIEW @ up) > _STEEPEST:
         return surroundings
     height, width, _ = surroundings.shape
-    grid = latlong.directions(height, width)
-    seen = resample.shrink(photo.seen[..., None], height, width)
-    rows = _continued_rows(*_level_photo(photo, seen, turned(grid, camera_from_level)))
-    if rows is None:
+    shown = _rows_of_photo(photo, up, height)
+    change = _change(shown, _rows_of_map(surroundings, up))
+    if change is None:
         return surroundings
-    found = resample.sample_latlong(rows, turned(grid, camera_from_level.T))
-    found *= 1 - seen
-    change = found[..., :3] - found[..., 3:] * np.log(np.maximum(surroundings, _DARKEST))
-    change *= np.float32(COLOUR)
-    change += change.mean(-1, keepdims=True) * np.float32(1 / COLOUR - 1)
-    unseen = surroundings * (1 - seen)
-    result = kept_power(unseen * np.exp(change), power_of(unseen))
-    result += surroundings * seen
+    trust = np.exp(-((tilt.scale_rad / DOUBT_RAD) ** 2) / 2)
+    near, far = (1 + trust) / 2, BEHIND * trust
+    axes = np.stack([up, normalised(VIEW - (VIEW @ up) * up)], axis=1).astype(np.float32)
+    upwards, ahead = np.moveaxis(latlong.directions(height, width) @ axes, -1, 0)
+    first, part = _row_and_part(upwards, height)
+    unseen = 1 - enlarged(photo.seen_in_64_rows[..., None], height)
+    strength = np.float32(far) + np.float32(near - far) * ((1 + ahead) / 2) ** 2
+    strength *= unseen[..., 0]
+    factor = change.take(first, axis=0) * ((1 - part) * strength)[..., None]
+    factor += change.take(first + 1, axis=0) * (part * strength)[..., None]
+    hidden = surroundings * unseen
+    result = kept_power(hidden * np.exp(factor, out=factor), power_of(hidden))
+    result += surroundings - hidden
     return result
 
 
-def _level(up: Float[np.ndarray, "3"]) -> Rotation | None:
-    """Camera_from_level: +Y is up there and -Z straight ahead; None where no side is ahead."""
-    if abs(VIEW @ up) > _STEEPEST:
-        return None
-    right = np.cross(VIEW, up)
-    right /= np.linalg.norm(right)
-    return np.stack([right, up, np.cross(right, up)], axis=1)
-
-
-def _level_photo(
-    photo: ProjectedPhoto,
-    seen: Float32[np.ndarray, "height width 1"],
-    directions: Float[np.ndarray, "height width 3"],
-) -> tuple[Float32[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
-    """ln radiance of the photo in the given directions of the camera frame, and where it shows
-    them."""
-    height, width, _ = seen.shape
-    shown = resample.sample_latlong(seen, directions)[..., 0] > _SHOWN
-    radiance = photo.radiance
-    if len(radiance) > 2 * height:  # looked up point by point, that would be noise
-        radiance = resample.shrink(radiance, height, width)
-    found = resample.sample_latlong(radiance, directions[shown])
-    logs = np.zeros((height, width, 3), np.float32)
-    logs[shown] = np.log(np.maximum(found, _DARKEST))
-    return logs, shown
-
-
-def _continued_rows(
-    logs: Float32[np.ndarray, "rows columns 3"], shown: Bool[np.ndarray, "rows columns"]
-) -> Float32[np.ndarray, "rows columns 4"] | None:
-    """A level panorama of the photo going on to all sides: ln radiance times weight, and weight.
+def _change(
+    shown: _Rows, estimated: Float[np.ndarray, "rows 3"]
+) -> Float32[np.ndarray, "rows 3"] | None:
+    """What brings the estimate's rows to the photo's, as ln, and goes on beyond them.
 
     None where the photo is too small to go on.
     """
-    height, width = shown.shape
-    first, last = _runs(shown)
-    length = last - first
-    least = _LEAST_TURN_RAD * width / (2 * np.pi)
-    known = np.flatnonzero(length >= max(least, _LEAST_OF_WIDEST * length.max()))
+    count = len(estimated)
+    least = np.clip(_LEAST_OF_WIDEST * shown.turn_rad.max(), *_LEAST_TURN_RAD)
+    known = np.flatnonzero(shown.turn_rad >= least)
     if not len(known):
         return None
-    row = known[np.searchsorted(known, np.arange(height).clip(known[0], known[-1]))]
-    first, last = first[row, None], last[row, None]
-    column = np.arange(width)
-    aside = np.maximum(np.maximum(first - column, column - last), 0) * (2 * np.pi / width)
-    mean = ((aside == 0)[..., None] * logs[row]).sum(1) / (last - first + 1)
-    beyond = np.abs(np.arange(height) - row) * (np.pi / height)
-    fade = smoothstep(1 - beyond / _FADE_RAD)[:, None]
-    detail = fade * (_DETAIL_LEFT + (1 - _DETAIL_LEFT) * smoothstep(1 - aside / _DETAIL_TO_RAD))
-    lowest = (row + 0.5) * (np.pi / height) - np.pi / 2  # below the horizon
-    ground = smoothstep((lowest - _GROUND_RAD[0]) / (_GROUND_RAD[1] - _GROUND_RAD[0]))
-    ground[: known[-1]] = 0
-    weight = WEIGHT * np.maximum(ground[:, None], fade)[..., None]
-    again = logs.reshape(-1, 3)[row[:, None] * width + _mirrored(first, last, column)]
-    again += (detail[..., None] - 1) * (again - mean[:, None])
-    result = np.empty((height, width, 4), np.float32)
-    result[..., :3] = weight * again
-    result[..., 3:] = weight
-    return result
+    row = np.arange(count)
+    nearest = known[np.searchsorted(known, row.clip(known[0], known[-1]))]
+    texel = np.pi / count
+    fade = smoothstep(1 - np.abs(row - nearest) * texel / _FADE_RAD)
+    above_horizon = np.pi / 2 - (nearest + 0.5) * texel
+    outer = smoothstep((np.abs(above_horizon) - _OUTER_RAD[0]) / (_OUTER_RAD[1] - _OUTER_RAD[0]))
+    is_sky = (row < known[0]) & (above_horizon > 0)
+    is_ground = (row > known[-1]) & (above_horizon < 0)
+    change = shown.logs[nearest] - estimated
+    # Where the photo is clipped it only says "at least".
+    change *= np.where(change < 0, 1 - shown.clipped[nearest], 1)
+    change *= np.maximum(fade, outer * (SKY * is_sky + is_ground))[:, None]
+    return change.astype(np.float32)
 
 
-def _runs(shown: Bool[np.ndarray, "rows columns"]) -> tuple[np.ndarray, np.ndarray]:
-    """First and last column of what is shown without a gap around straight ahead; of rows where
-    nothing is, the last comes before the first."""
-    middle = shown.shape[1] // 2
-    right = np.logical_and.accumulate(shown[:, middle:], axis=1).sum(1)
-    left = np.logical_and.accumulate(shown[:, middle - 1 :: -1], axis=1).sum(1)
-    return middle - left, middle + right - 1
+def _rows_of_photo(photo: ProjectedPhoto, up: Float[np.ndarray, "3"], rows: int) -> _Rows:
+    """What the photo shows of `rows` level rows."""
+    height, width = photo.seen.shape
+    whole = photo.seen[photo.box] > _SHOWN
+    upwards = (latlong.directions(height, width)[photo.box] @ up.astype(np.float32))[whole]
+    solid_angle = latlong.solid_angles(height, width)[photo.box][whole]
+    values = [photo.radiance[photo.box][whole], photo.clipped[photo.box][whole]]
+    values[0] = np.log(np.maximum(values[0], _DARKEST))
+    turn, means = _means(upwards, solid_angle, np.concatenate(values, axis=1), rows)
+    return _Rows(turn, means[:, :3], means[:, 3:])
 
 
-def _mirrored(
-    first: Int64[np.ndarray, "rows 1"],
-    last: Int64[np.ndarray, "rows 1"],
-    column: Int64[np.ndarray, " columns"],
-) -> Int64[np.ndarray, "rows columns"]:
-    """For every column the one from first to last that it repeats, back and forth."""
-    span = last - first + 1
-    along = (column - first) % (2 * span)
-    return first + np.minimum(along, 2 * span - 1 - along)
+def _rows_of_map(
+    surroundings: Float32[np.ndarray, "height width 3"], up: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "height 3"]:
+    """Mean ln radiance of a smooth panorama's level rows."""
+    height, width, _ = surroundings.shape
+    some = slice(None, None, _EVERY), slice(None, None, _EVERY)
+    upwards = (latlong.directions(height, width)[some] @ up.astype(np.float32)).ravel()
+    logs = np.log(np.maximum(surroundings[some], _DARKEST)).reshape(-1, 3)
+    means = _means(
+        upwards, latlong.solid_angles(height, width)[some].ravel(), logs, height // _EVERY
+    )[1]
+    at = (np.arange(height) + 0.5) / _EVERY - 0.5
+    return np.stack([np.interp(at, np.arange(len(means)), mean) for mean in means.T], axis=1)
+
+
+def _means(
+    upwards: Float[np.ndarray, " texels"],
+    solid_angle: Float[np.ndarray, " texels"],
+    values: Float[np.ndarray, "texels channels"],
+    rows: int,
+) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows channels"]]:
+    """Means of texels along level rows, and how much of a row's turn they make up, in rad."""
+    first, part = _row_and_part(upwards, rows)
+    turn = solid_angle * (rows / np.pi) / np.sqrt(np.maximum(1 - upwards**2, _DARKEST))
+    whole = np.zeros((1 + values.shape[1], rows))
+    for row, share in ((first, turn * (1 - part)), (first + 1, turn * part)):
+        whole[0] += np.bincount(row, share, rows)
+        for total, channel in zip(whole[1:], values.T, strict=True):
+            total += np.bincount(row, share * channel, rows)
+    return whole[0], (whole[1:] / np.maximum(whole[0], 1e-9)).T
+
+
+def _row_and_part(
+    upwards: Float[np.ndarray, "*texels"], rows: int
+) -> tuple[Int[np.ndarray, "*texels"], Float[np.ndarray, "*texels"]]:
+    """The level row at or above each direction, by its cosine from up, and the next one's part."""
+    at = np.arccos(upwards.clip(-1, 1)) * np.float32(rows / np.pi) - np.float32(0.5)
+    at = at.clip(0, rows - 1)
+    first = np.minimum(at.astype(np.intp), rows - 2)
+    return first, at - first.astype(np.float32)

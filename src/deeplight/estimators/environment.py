@@ -6,11 +6,11 @@ from functools import cached_property
 from typing import Self, get_args
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float32, UInt8
 
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError
-from deeplight.estimators.continuation import continued, up_of
+from deeplight.estimators.continuation import continued
 from deeplight.estimators.fill import Fill, filled
 from deeplight.estimators.lamps import find_lamps
 from deeplight.estimators.network import NETWORK_SIDE, Estimate
@@ -23,7 +23,8 @@ from deeplight.estimators.surroundings import (
     power_of,
     smooth_map,
 )
-from deeplight.io.tilt import tilt_of
+from deeplight.estimators.upright import guessed_tilt
+from deeplight.io.tilt import Tilt, tilt_of
 from deeplight.lamp import Lamp, add_lamps
 from deeplight.lighting import Lighting
 from deeplight.lobe import concentration_of
@@ -92,7 +93,10 @@ class SceneLight:
 
 
 def scene_light(
-    estimate: Estimate, height: int = HEIGHT, fill: Fill | None = "photo"
+    estimate: Estimate,
+    height: int = HEIGHT,
+    fill: Fill | None = "photo",
+    tilt: Tilt | None = None,
 ) -> SceneLight:
     """Put a photo into the light that was estimated from it.
 
@@ -100,6 +104,7 @@ def scene_light(
         estimate: of `NetworkEstimator.explain`.
         height: rows of the panorama, 64 to 2048.
         fill: what to show where the photo does not look; see `estimators.fill`.
+        tilt: the camera's; left out, EXIF's or the network's guess.
 
     Raises:
         ConfigError: another number of rows.
@@ -108,9 +113,9 @@ def scene_light(
     pixels, fov = estimate.photo.pixels, estimate.framing.vertical_fov_rad
     height_px, width_px, _ = pixels.shape
     plane = ImagePlane.centred(height_px, width_px, fov)
-    goes_on = fill == "photo"
-    up = up_of(tilt_of(estimate.photo.source), estimate.heads) if goes_on else None
-    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill, up)
+    if fill == "photo" and tilt is None:
+        tilt = tilt_of(estimate.photo.source) or guessed_tilt(estimate.heads)
+    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill, tilt)
 
 
 def pixels_for(height: int) -> int:
@@ -133,7 +138,7 @@ def assemble(
     height: int = HEIGHT,
     lamps: Sequence[Lamp] = (),
     fill: Fill | None = "photo",
-    up: Float[np.ndarray, "3"] | None = None,
+    tilt: Tilt | None = None,
 ) -> SceneLight:
     """Put a photo that fills `plane` into a light estimated from it.
 
@@ -148,17 +153,17 @@ def assemble(
         height: rows of the panorama.
         lamps: the network's own, which the estimate holds.
         fill: what to show where the photo does not look; see `estimators.fill`.
-        up: unit vector, camera frame; without it the photo does not go on.
+        tilt: the camera's; without it the photo does not go on.
     """
     if fill not in (None, *get_args(Fill)):
         raise ConfigError(f"fill of {', '.join(get_args(Fill))} or None", repr(fill), "correct it")
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
     around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
-    around, place = adapted(around, photo.pixels, plane), None
-    if fill == "photo" and up is not None:
-        around, place = continued(around, photo, up), ITSELF
-    rest = enlarged(around, height)
+    place = None
+    if fill == "photo" and tilt is not None:
+        around, place = continued(around, photo, tilt), ITSELF
+    rest = enlarged(adapted(around, photo.pixels, plane), height)
     box = photo.box
     known, around = photo.radiance[box], rest[box]
     known = known + photo.clipped[box] * np.maximum(around - known, 0) + found.areas[box]

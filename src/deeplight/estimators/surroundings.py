@@ -26,10 +26,10 @@ _STAR_BLUR_RAD = float(np.radians(16))
 _STAR_FROM_RAD, _STAR_TO_RAD = np.radians(100), np.radians(150)
 """From straight behind: the width grows between these angles."""
 _RING_CELLS = 24  # along the photo's shorter side: the outermost are its edge
-MAP_ROWS = 128
+MAP_ROWS = 96
 """Rows at which the map is fitted to the photo; finer ones lie between these."""
-REACH_RAD = float(np.radians(40))
-"""So far from the photo's edge the map is adapted to it."""
+REACH_RAD = float(np.radians(52))
+"""So far from the photo's edge the map is adapted to it, by half at 15 degrees."""
 _TILE = 4, 8  # texels of the map that are mixed at once
 _LEAST_WEIGHT = 1e-10  # of a texel's largest: the pixels of less are left out
 _BLAS_ALONE = 1 << 18  # multiplications of a product that OpenBLAS makes with one thread
@@ -86,7 +86,9 @@ def enlarged(
 def power_of(radiance: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "3"]:
     """Radiance of a panorama summed over all directions."""
     weights = latlong.solid_angles(*radiance.shape[:2])[:, 0].astype(np.float32)
-    return weights @ radiance.sum(axis=1)
+    columns = weights @ radiance.reshape(len(radiance), -1)  # numpy's sum along a row is slow
+    result: np.ndarray = columns.reshape(-1, 3).sum(axis=0)
+    return result
 
 
 def kept_power(
@@ -165,7 +167,7 @@ def _reach(
     squared = texels[near] @ (-2 * edge.T).astype(np.float32)
     squared += 2
     away = 2 * np.arcsin(np.sqrt(squared.min(1).clip(0, 4)) / 2)
-    fade = smoothstep(1 - away / REACH_RAD)
+    fade = smoothstep(1 - away / REACH_RAD) ** 3
     spacing = plane.shorter / _RING_CELLS
     squared += np.float32(spacing**2 / 4)
     weight = np.sqrt(squared)

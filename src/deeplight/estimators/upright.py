@@ -30,7 +30,7 @@ def guessed_tilt(heads: Mapping[str, float]) -> Tilt | None:
     turn, chance = likeliest_turn(heads)
     if turn and chance >= SURE_CHANCE:
         return None
-    return Tilt(heads["pitch_rad"], 0.0, "the network's guess")
+    return Tilt(heads["pitch_rad"], 0.0, "the network's guess", heads["pitch_scale"])
 
 
 def turn_notes(heads: Mapping[str, float]) -> tuple[str, ...]:

@@ -6,10 +6,10 @@ from jaxtyping import Float32, Int64
 from deeplight.camera import BACKGROUND_HEIGHT, BACKGROUND_WIDTH
 from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError
-from deeplight.estimators.continuation import up_of
 from deeplight.estimators.environment import assemble
 from deeplight.estimators.fill import Fill
 from deeplight.estimators.projection import ImagePlane
+from deeplight.estimators.upright import guessed_tilt
 from deeplight.evaluate.models import NamedModel
 from deeplight.lighting import Lighting
 
@@ -48,7 +48,7 @@ class WithPhoto:
         answers, lamps, heads = self._network.estimate_fully(inputs)
         lights = [Lighting.from_log_radiance(answer) for answer in answers]
         balls = [
-            assemble(light, picture, self._plane, HEIGHT, own, self._fill, up_of(None, said))
+            assemble(light, picture, self._plane, HEIGHT, own, self._fill, guessed_tilt(said))
             for light, picture, own, said in zip(lights, pictures, lamps, heads, strict=True)
         ]
         radiance = np.stack([scene.environment.lighting.radiance for scene in balls])

@@ -18,11 +18,15 @@ _APPLE_IFD, _ACCELERATION, _SIGNED_RATIONAL = 14, 8, 10
 
 @dataclass(frozen=True)
 class Tilt:
-    """Pitch (positive looks up) and roll (positive is counter-clockwise), and who says so."""
+    """Pitch (positive looks up) and roll (positive is counter-clockwise), and who says so.
+
+    `scale_rad`: two of three such pitches are less off; 0 where the tilt is known.
+    """
 
     pitch_rad: float
     roll_rad: float
     source: str
+    scale_rad: float = 0.0
 
     @property
     def up(self) -> Float[np.ndarray, "3"]:

@@ -9,7 +9,7 @@ import { type Contract, contractOf } from "../network/contract.ts";
 import { Network } from "../network/network.ts";
 import { CellMeans } from "./cell-means.ts";
 import { type Framing, framePhoto, usedFraction, visibleFraction } from "./framing.ts";
-import { upOf } from "./upright.ts";
+import { guessedTilt } from "./upright.ts";
 
 const MODEL = new URL("../../../../../src/deeplight/weights/deeplight.onnx", import.meta.url);
 const model = new Uint8Array(readFileSync(MODEL));
@@ -39,11 +39,13 @@ describe("the framing", () => {
 });
 
 test("up is known by the network's pitch, but not of a photo on its side", () => {
-  const heads = { pitch_rad: 0.3, upright_0: 0.5, upright_90: 0.5, upright_180: 0, upright_270: 0 };
+  const turns = { upright_0: 0.5, upright_90: 0.5, upright_180: 0, upright_270: 0 };
+  const heads = { pitch_rad: 0.3, pitch_scale: 0.1, ...turns };
   const pitched = [0, Math.cos(0.3), -Math.sin(0.3)];
-  expect(largestError(upOf(heads)!, pitched)).toBeLessThan(1e-12);
-  expect(upOf({ ...heads, upright_0: 0.41, upright_90: 0.59 })).not.toBeNull();
-  expect(upOf({ ...heads, upright_0: 0.39, upright_90: 0.61 })).toBeNull();
+  expect(largestError(guessedTilt(heads)!.up, pitched)).toBeLessThan(1e-12);
+  expect(guessedTilt(heads)!.scaleRad).toBe(0.1);
+  expect(guessedTilt({ ...heads, upright_0: 0.41, upright_90: 0.59 })).not.toBeNull();
+  expect(guessedTilt({ ...heads, upright_0: 0.39, upright_90: 0.61 })).toBeNull();
 });
 
 describe("cell means", () => {

@@ -1,6 +1,6 @@
-/** Whether a photo is upright, and where up is, by what the network says: upright.py, continuation.py. */
+/** Whether a photo is upright, and where up is, by what the network says: upright.py. */
 import { UPRIGHT } from "../contract/generated.ts";
-import type { Vector3 } from "../light/matrix.ts";
+import type { Tilt } from "../scene/continuation.ts";
 
 const TURNS = [0, 90, 180, 270] as const;
 
@@ -13,13 +13,10 @@ export function likeliestTurn(heads: Readonly<Record<string, number>>): {
   return turns.reduce((best, one) => (one.chance > best.chance ? one : best));
 }
 
-/**
- * Where up is in the camera frame, by the network's guess of the pitch. Null where it takes the photo
- * to lie on its side.
- */
-export function upOf(heads: Readonly<Record<string, number>>): Vector3 | null {
+/** The network's guess of the tilt, without roll. Null where it takes the photo to need turning. */
+export function guessedTilt(heads: Readonly<Record<string, number>>): Tilt | null {
   const { turn, chance } = likeliestTurn(heads);
   if (turn !== 0 && chance >= UPRIGHT.SURE_CHANCE) return null;
   const pitch = heads.pitch_rad!;
-  return [0, Math.cos(pitch), -Math.sin(pitch)];
+  return { up: [0, Math.cos(pitch), -Math.sin(pitch)], scaleRad: heads.pitch_scale! };
 }

@@ -25,7 +25,7 @@ import { download } from "./download.ts";
 import { framePhoto } from "./framing.ts";
 import { type Frame, Picker, sizeOf } from "./picker.ts";
 import { type Tracked, Tracker } from "./tracker.ts";
-import { upOf } from "./upright.ts";
+import { guessedTilt } from "./upright.ts";
 
 interface WithFrame {
   readonly frame: Frame;
@@ -197,8 +197,8 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
   const placed = { ...small, pixels: whole.rgb(isReversed), plane };
   const ball = radianceOfBall(logRadiance, contract.output_size);
   const heads = headsIn(others, contract);
-  const up = asked.up ?? (heads && upOf(heads));
-  const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract), up);
+  const tilt = asked.up ? { up: asked.up, scaleRad: 0 } : heads && guessedTilt(heads);
+  const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract), tilt);
   if (heads) return { ...answer, scene, confidence: surenessOf(heads, logRadiance, placed) };
   const answers = [
     mirroredBall(network.logRadiance(mirroredPlanes(planes, contract))),

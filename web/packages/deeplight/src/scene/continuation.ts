@@ -1,176 +1,182 @@
 /**
- * The photo continued all around, so that what it does not show looks like the same place: each level
- * row goes on to both sides as its own mirror images. continuation.py says why.
+ * The photo continued all around, so that what it does not show looks like the same place: the map is
+ * brought to the means of the photo's level rows. continuation.py says why.
  */
 import { CONTINUATION } from "../contract/generated.ts";
-import { cross, type Matrix3x3, normalised, transposed, type Vector3 } from "../light/matrix.ts";
-import { keepPower, powerOf, sampleInto, shrunk, texelDirections } from "../light/panorama.ts";
+import { dot, normalised, type Vector3 } from "../light/matrix.ts";
+import {
+  enlarged,
+  keepPower,
+  powerOf,
+  rowSolidAngles,
+  shrunk,
+  texelDirections,
+} from "../light/panorama.ts";
 import { type ProjectedPhoto, smoothstep } from "./image-plane.ts";
 
-const { COLOUR, DARKEST, DETAIL_LEFT, DETAIL_TO_RAD, FADE_RAD, GROUND_RAD } = CONTINUATION;
-const { LEAST_OF_WIDEST, LEAST_TURN_RAD, SHOWN, STEEPEST, WEIGHT } = CONTINUATION;
+const { BEHIND, DARKEST, DOUBT_RAD, EVERY, FADE_RAD, LEAST_OF_WIDEST } = CONTINUATION;
+const { LEAST_TURN_RAD, OUTER_RAD, SHOWN, SKY, STEEPEST } = CONTINUATION;
+const SEEN_ROWS = 64;
 
-/** Of a level panorama the texels of each row that the photo shows without a gap around the middle. */
-interface LevelPhoto {
-  readonly rows: number;
-  /** Columns; of rows that show nothing the last comes before the first. */
-  readonly first: Int32Array;
-  readonly last: Int32Array;
-  /** ln radiance, RGB, from the first to the last. */
-  readonly logs: Float32Array;
+/** How the camera was held. */
+export interface Tilt {
+  /** Of length 1, camera frame. */
+  readonly up: Vector3;
+  /** Two of three such pitches are less off; 0 where the tilt is known. */
+  readonly scaleRad: number;
 }
 
 /**
- * The map blended with the photo's level rows, continued to both sides; what lies where the photo
+ * The map brought to the photo's level rows, also where it does not look; what lies where the photo
  * looks stays, and so does the power of the rest.
  *
  * @param map linear radiance, camera frame, of `rows`.
- * @param up of length 1, camera frame.
  */
 export function continued(
   map: Float32Array,
   rows: number,
   shown: ProjectedPhoto,
-  up: Vector3,
+  { up, scaleRad }: Tilt,
 ): Float32Array {
-  const cameraFromLevel = levelOf(up);
-  if (!cameraFromLevel) return map;
-  const seen = shrunk(shown.seen, shown.height, rows, 1);
-  const around = continuedRows(levelPhoto(shown, seen, rows, cameraFromLevel));
-  if (!around) return map;
-  const unseen = map.map((value, i) => value * (1 - seen[Math.floor(i / 3)]!));
-  const power = powerOf(unseen, rows);
-  const levels = turnedTexels(rows, transposed(cameraFromLevel));
-  const found = new Float64Array(4);
+  if (Math.abs(up[2]) > STEEPEST) return map;
+  const change = changeOf(rowsOfPhoto(shown, up, rows), rowsOfMap(map, rows, up));
+  if (!change) return map;
+  const trust = Math.exp(-((scaleRad / DOUBT_RAD) ** 2) / 2);
+  const [near, far] = [(1 + trust) / 2, BEHIND * trust];
+  const front = normalised([up[0] * up[2], up[1] * up[2], up[2] ** 2 - 1]);
+  const seen = enlarged(shrunk(shown.seen, shown.height, SEEN_ROWS, 1), SEEN_ROWS, rows, 1);
+  const hidden = map.map((value, i) => value * (1 - seen[Math.floor(i / 3)]!));
+  const power = powerOf(hidden, rows);
+  const directions = texelDirections(rows);
   for (let i = 0; i < map.length; i += 3) {
-    const free = 1 - seen[i / 3]!;
-    if (free === 0) continue;
-    sampleInto(found, around, rows, levels, i);
-    const weight = found[3]!;
-    if (weight === 0) continue;
-    let mean = 0;
+    const ahead = (1 + along(directions, i, front)) / 2;
+    const strength = (far + (near - far) * ahead ** 2) * (1 - seen[i / 3]!);
+    const [first, part] = rowAndPart(along(directions, i, up), rows);
     for (let c = 0; c < 3; c++) {
-      found[c] = free * (found[c]! - weight * Math.log(Math.max(map[i + c]!, DARKEST)));
-      mean += found[c]! / 3;
+      const here = change[3 * first + c]! * (1 - part) + change[3 * first + 3 + c]! * part;
+      hidden[i + c]! *= Math.exp(here * strength);
     }
-    for (let c = 0; c < 3; c++) unseen[i + c]! *= Math.exp(mean + COLOUR * (found[c]! - mean));
   }
-  const result = keepPower(unseen, rows, power);
+  const result = keepPower(hidden, rows, power);
   for (let i = 0; i < map.length; i++) result[i]! += map[i]! * seen[Math.floor(i / 3)]!;
   return result;
 }
 
-/** Camera from level, where +Y is up and -Z straight ahead; null where no side is ahead. */
-function levelOf(up: Vector3): Matrix3x3 | null {
-  if (Math.abs(up[2]) > STEEPEST) return null;
-  const right = normalised(cross([0, 0, -1], up));
-  const back = cross(right, up);
-  return transposed([...right, ...up, ...back]);
-}
+/** Means along the level rows of a panorama, the highest first. */
+class LevelRows {
+  /** How much of each row they are of, in rad. */
+  readonly turn: Float64Array;
+  private readonly sums: Float64Array;
 
-/** Directions of all texels of a panorama, in another frame. */
-function turnedTexels(rows: number, newFromOld: Matrix3x3): Float32Array {
-  const old = texelDirections(rows);
-  return old.map((_, i) => {
-    const [row, from] = [3 * (i % 3), i - (i % 3)];
-    return (
-      newFromOld[row]! * old[from]! +
-      newFromOld[row + 1]! * old[from + 1]! +
-      newFromOld[row + 2]! * old[from + 2]!
-    );
-  });
-}
-
-function levelPhoto(
-  photo: ProjectedPhoto,
-  seen: Float32Array,
-  rows: number,
-  cameraFromLevel: Matrix3x3,
-): LevelPhoto {
-  const isFine = photo.height > 2 * rows; // looked up point by point, that would be noise
-  const radiance = isFine ? shrunk(photo.radiance, photo.height, rows) : photo.radiance;
-  const height = isFine ? rows : photo.height;
-  const directions = turnedTexels(rows, cameraFromLevel);
-  const logs = new Float32Array(6 * rows * rows);
-  const [covered, found] = [new Float64Array(1), new Float64Array(3)];
-  /** Whether the photo shows a texel, whose values it notes. */
-  const shows = (row: number, column: number): boolean => {
-    const i = 3 * (row * 2 * rows + column);
-    sampleInto(covered, seen, rows, directions, i);
-    if (covered[0]! <= SHOWN) return false;
-    sampleInto(found, radiance, height, directions, i);
-    for (let c = 0; c < 3; c++) logs[i + c] = Math.log(Math.max(found[c]!, DARKEST));
-    return true;
-  };
-  const [first, last] = [new Int32Array(rows).fill(rows), new Int32Array(rows).fill(rows - 1)];
-  for (let row = 0; row < rows; row++) {
-    while (last[row]! + 1 < 2 * rows && shows(row, last[row]! + 1)) last[row]!++;
-    while (first[row]! > 0 && shows(row, first[row]! - 1)) first[row]!--;
+  constructor(
+    readonly rows: number,
+    private readonly channels: number,
+  ) {
+    this.turn = new Float64Array(rows);
+    this.sums = new Float64Array(rows * channels);
   }
-  return { rows, first, last, logs };
+
+  /** Adds a texel in a direction by its cosine from up. */
+  add(upwards: number, solidAngle: number, values: readonly number[]): void {
+    const [first, part] = rowAndPart(upwards, this.rows);
+    const turn =
+      (solidAngle * (this.rows / Math.PI)) / Math.sqrt(Math.max(1 - upwards ** 2, DARKEST));
+    for (const k of [0, 1]) {
+      const share = turn * (k ? part : 1 - part);
+      this.turn[first + k]! += share;
+      values.forEach((value, c) => {
+        this.sums[(first + k) * this.channels + c]! += share * value;
+      });
+    }
+  }
+
+  mean(row: number, channel: number): number {
+    return this.sums[row * this.channels + channel]! / Math.max(this.turn[row]!, 1e-9);
+  }
 }
 
-/**
- * A level panorama of the photo going on to all sides: ln radiance times weight, and weight. Null
- * where the photo is too small to go on.
- */
-function continuedRows(photo: LevelPhoto): Float32Array | null {
-  const { rows, first, last } = photo;
-  const length = last.map((column, row) => column - first[row]! + 1);
-  const widest = Math.max(...length);
-  const least = Math.max((LEAST_TURN_RAD * rows) / Math.PI, LEAST_OF_WIDEST * (widest - 1));
-  const known: number[] = [];
-  length.forEach((columns, row) => {
-    if (columns - 1 >= least) known.push(row);
+/** What the photo shows of `rows` level rows: ln radiance, and the part that is clipped. */
+function rowsOfPhoto(photo: ProjectedPhoto, up: Vector3, rows: number): LevelRows {
+  const result = new LevelRows(rows, 6);
+  const directions = texelDirections(photo.height);
+  const solidAngle = rowSolidAngles(photo.height);
+  photo.seen.forEach((seen, i) => {
+    if (seen <= SHOWN) return;
+    const row = Math.floor(i / (2 * photo.height));
+    const clipped = photo.clipped.subarray(3 * i, 3 * i + 3);
+    const values = [...logsAt(photo.radiance, 3 * i), ...clipped];
+    result.add(along(directions, 3 * i, up), solidAngle[row]!, values);
   });
-  if (known.length === 0) return null;
-  const lowest = known.at(-1)!;
-  const result = new Float32Array(8 * rows * rows);
-  for (let row = 0, next = 0; row < rows; row++) {
-    while (known[next]! < Math.min(row, lowest)) next++;
-    continueRow(result, photo, row, known[next]!, row >= lowest);
+  return result;
+}
+
+/** The same of a smooth panorama, ln radiance only, at fewer rows. */
+function rowsOfMap(map: Float32Array, rows: number, up: Vector3): LevelRows {
+  const result = new LevelRows(Math.floor(rows / EVERY), 3);
+  const directions = texelDirections(rows);
+  const solidAngle = rowSolidAngles(rows);
+  for (let row = 0; row < rows; row += EVERY) {
+    for (let column = 0; column < 2 * rows; column += EVERY) {
+      const i = 3 * (row * 2 * rows + column);
+      result.add(along(directions, i, up), solidAngle[row]!, logsAt(map, i));
+    }
   }
   return result;
 }
 
-/** Fills a row with what the photo shows in another, back and forth. */
-function continueRow(
-  result: Float32Array,
-  { rows, first, last, logs }: LevelPhoto,
-  row: number,
-  from: number,
-  isLowest: boolean,
-): void {
+/**
+ * What brings the map's rows to the photo's, as ln, and goes on beyond them. Null where the photo is
+ * too small to go on.
+ */
+function changeOf(shown: LevelRows, estimated: LevelRows): Float32Array | null {
+  const { rows } = shown;
   const texel = Math.PI / rows;
-  const fade = smoothstep(1 - (Math.abs(row - from) * texel) / FADE_RAD);
-  const weight = WEIGHT * Math.max(fade, isLowest ? groundAt((from + 0.5) * texel) : 0);
-  if (weight === 0) return;
-  const [start, end] = [first[from]!, last[from]!];
-  const span = end - start + 1;
-  const mean = rowMean(logs, from * 2 * rows + start, span);
-  for (let column = 0, to = 8 * row * rows; column < 2 * rows; column++, to += 4) {
-    const aside = Math.max(start - column, column - end, 0) * texel;
-    const near = DETAIL_LEFT + (1 - DETAIL_LEFT) * smoothstep(1 - aside / DETAIL_TO_RAD);
-    const detail = fade * near;
-    // The remainder of a negative number is negative here.
-    const along = (((column - start) % (2 * span)) + 2 * span) % (2 * span);
-    const at = 3 * (from * 2 * rows + start + Math.min(along, 2 * span - 1 - along));
+  const wanted = LEAST_OF_WIDEST * Math.max(...shown.turn);
+  const least = Math.min(Math.max(wanted, LEAST_TURN_RAD[0]), LEAST_TURN_RAD[1]);
+  const known: number[] = [];
+  shown.turn.forEach((turn, row) => {
+    if (turn >= least) known.push(row);
+  });
+  const [highest, lowest] = [known[0], known.at(-1)];
+  if (highest === undefined || lowest === undefined) return null;
+  const result = new Float32Array(3 * rows);
+  for (let row = 0, next = 0; row < rows; row++) {
+    while (known[next]! < Math.min(row, lowest)) next++;
+    const nearest = known[next]!;
+    const aboveHorizon = Math.PI / 2 - (nearest + 0.5) * texel;
+    const isSky = row < highest && aboveHorizon > 0;
+    const isGround = row > lowest && aboveHorizon < 0;
+    const outer = smoothstep(
+      (Math.abs(aboveHorizon) - OUTER_RAD[0]) / (OUTER_RAD[1] - OUTER_RAD[0]),
+    );
+    const fade = smoothstep(1 - (Math.abs(row - nearest) * texel) / FADE_RAD);
+    const weight = Math.max(fade, isGround ? outer : isSky ? SKY * outer : 0);
+    const at = Math.min(Math.max((row + 0.5) / EVERY - 0.5, 0), estimated.rows - 1);
+    const above = Math.min(Math.floor(at), estimated.rows - 2);
     for (let c = 0; c < 3; c++) {
-      result[to + c] = weight * (mean[c]! + detail * (logs[at + c]! - mean[c]!));
+      const was =
+        estimated.mean(above, c) * (1 - at + above) + estimated.mean(above + 1, c) * (at - above);
+      const change = shown.mean(nearest, c) - was;
+      // Where the photo is clipped it only says "at least".
+      result[3 * row + c] = weight * change * (change < 0 ? 1 - shown.mean(nearest, 3 + c) : 1);
     }
-    result[to + 3] = weight;
   }
+  return result;
 }
 
-/** How far a row counts as ground, by its angle from straight up. */
-function groundAt(fromUpRad: number): number {
-  const [from, to] = GROUND_RAD;
-  return smoothstep((fromUpRad - Math.PI / 2 - from) / (to - from));
+/** The level row at or above a direction, by its cosine from up, and the next one's part. */
+function rowAndPart(upwards: number, rows: number): [number, number] {
+  const angle = Math.acos(Math.min(Math.max(upwards, -1), 1));
+  const at = Math.min(Math.max(angle * (rows / Math.PI) - 0.5, 0), rows - 1);
+  const first = Math.min(Math.floor(at), rows - 2);
+  return [first, at - first];
 }
 
-/** Mean of RGB texels from one on. */
-function rowMean(values: Float32Array, from: number, count: number): Float64Array {
-  const mean = new Float64Array(3);
-  for (let i = 3 * from; i < 3 * (from + count); i++) mean[i % 3]! += values[i]! / count;
-  return mean;
+function along(directions: Float32Array, i: number, axis: Vector3): number {
+  return dot([directions[i]!, directions[i + 1]!, directions[i + 2]!], axis);
+}
+
+function logsAt(radiance: Float32Array, i: number): [number, number, number] {
+  const ln = (c: number) => Math.log(Math.max(radiance[i + c]!, DARKEST));
+  return [ln(0), ln(1), ln(2)];
 }

@@ -4,7 +4,7 @@ import { radianceFromPixel } from "../light/camera-response.ts";
 import type { Lamp } from "../light/lamp.ts";
 import type { Vector3 } from "../light/matrix.ts";
 import { ballFromPanorama, powerOf } from "../light/panorama.ts";
-import { continued } from "./continuation.ts";
+import { continued, type Tilt } from "./continuation.ts";
 import { planeOf, projected, reducedSize } from "./image-plane.ts";
 import { sceneLight } from "./scene-light.ts";
 
@@ -16,13 +16,13 @@ const pixels = Float32Array.from(bytes(stored.photo.rgb), (value) => value / 255
 const placed = { ...size, pixels, plane };
 
 const cases = {
-  lamps: { own: stored.own_lamps as readonly Lamp[], up: null },
-  no_lamps: { own: [], up: null },
-  upright: { own: stored.own_lamps as readonly Lamp[], up: stored.up as Vector3 },
+  lamps: { own: stored.own_lamps as readonly Lamp[], tilt: null },
+  no_lamps: { own: [], tilt: null },
+  upright: { own: stored.own_lamps as readonly Lamp[], tilt: stored.tilt as Tilt },
 };
 
-function scene(name: keyof typeof cases, photo = placed, up: Vector3 | null = cases[name].up) {
-  return sceneLight(floats(stored[name].ball), photo, rows, cases[name].own, up);
+function scene(name: keyof typeof cases, photo = placed, tilt: Tilt | null = cases[name].tilt) {
+  return sceneLight(floats(stored[name].ball), photo, rows, cases[name].own, tilt);
 }
 
 function everyEighth(values: Float32Array, channels: number): Float32Array {
@@ -78,13 +78,15 @@ test("a photo a little darker is another light", () => {
 });
 
 describe("a photo that goes on all around", () => {
-  const pitched = (rad: number): Vector3 => [0, Math.cos(rad), -Math.sin(rad)];
+  const known = (up: Vector3): Tilt => ({ up, scaleRad: 0 });
+  const pitched = (rad: number) => known([0, Math.cos(rad), -Math.sin(rad)]);
 
   test.each([
     ["not at all", null],
-    ["without the roll", pitched(-0.25)],
-  ])("is another light if it goes on %s", (_, up) => {
-    const radiance = everyEighth(scene("upright", placed, up).radiance, 3);
+    ["without the roll", { ...pitched(-0.25), scaleRad: stored.tilt.scaleRad }],
+    ["as if the tilt were known", known(stored.tilt.up)],
+  ])("is another light if it goes on %s", (_, tilt) => {
+    const radiance = everyEighth(scene("upright", placed, tilt).radiance, 3);
     expect(farthest(radiance, floats(stored.upright.radiance_every_8th_row))).toBeGreaterThan(2e-2);
   });
 
@@ -92,13 +94,13 @@ describe("a photo that goes on all around", () => {
     const grey = { ...placed, pixels: pixels.map(() => 0.5) };
     const shown = projected(grey, 64);
     const even = new Float32Array(6 * 64 * 64).fill(radianceFromPixel(0.5));
-    const up = pitched(0.3);
-    expect(largestError(continued(even, 64, shown, up), even)).toBeLessThan(1e-5);
+    const tilt = pitched(0.3);
+    expect(largestError(continued(even, 64, shown, tilt), even)).toBeLessThan(1e-5);
     const map = even.map((value, i) => value * (1.2 + Math.sin(i % 7)));
-    const got = continued(map, 64, shown, up);
+    const got = continued(map, 64, shown, tilt);
     expect(largestError(powerOf(got, 64), powerOf(map, 64))).toBeLessThan(1e-4);
     expect(largestError(got, map)).toBeGreaterThan(0.05);
-    expect(continued(map, 64, shown, [0, 0.1, -0.995])).toBe(map); // straight up: no side is ahead
+    expect(continued(map, 64, shown, known([0, 0.1, -0.995]))).toBe(map); // straight up: no side is ahead
     const inside = map.map(
       (value, i) => (got[i]! - value) * Number(shown.seen[Math.floor(i / 3)] === 1),
     );

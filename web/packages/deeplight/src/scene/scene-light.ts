@@ -1,9 +1,8 @@
 /** One photo's environment: the photo where the camera looked, the network elsewhere, and lamps. environment.py. */
 import type { Environment } from "../light/environment.ts";
 import { addLamps, type Lamp } from "../light/lamp.ts";
-import type { Vector3 } from "../light/matrix.ts";
 import { enlarged } from "../light/panorama.ts";
-import { continued } from "./continuation.ts";
+import { continued, type Tilt } from "./continuation.ts";
 import { type PlacedPhoto, projected } from "./image-plane.ts";
 import { findLamps } from "./lamps.ts";
 import { adapted, mapRows, smoothMap } from "./surroundings.ts";
@@ -21,22 +20,22 @@ export interface SceneLight extends Environment {
  * @param photo averaged to `reducedSize` of its own.
  * @param height rows of the panorama, even, 64 to 2048.
  * @param own the network's lamps, which the estimate holds.
- * @param up of length 1, camera frame; without it the photo does not go on.
+ * @param tilt the camera's; without it the photo does not go on.
  */
 export function sceneLight(
   ball: Float32Array,
   photo: PlacedPhoto,
   height: number,
   own: readonly Lamp[],
-  up: Vector3 | null,
+  tilt: Tilt | null,
 ): SceneLight {
   const size = Math.sqrt(ball.length / 3);
   const shown = projected(photo, height);
   const found = findLamps(ball, size, shown, own);
   const rows = mapRows(height);
-  const fitting = adapted(smoothMap(found.rest, size, rows), rows, photo);
-  const map = up ? continued(fitting, rows, shown, up) : fitting;
-  const radiance = enlarged(map, rows, height).slice();
+  const smooth = smoothMap(found.rest, size, rows);
+  const map = tilt ? continued(smooth, rows, shown, tilt) : smooth;
+  const radiance = enlarged(adapted(map, rows, photo), rows, height).slice();
   for (let i = 0; i < radiance.length; i++) {
     const around = radiance[i]!;
     const seen = shown.seen[Math.floor(i / 3)]!;
