@@ -6,6 +6,7 @@ import { readFile } from "node:fs/promises";
 import { createRequire } from "node:module";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
+import { findings } from "./axe.ts";
 import { launch, visit } from "./browser.ts";
 import { type Site, serve } from "./python.ts";
 
@@ -144,6 +145,7 @@ test("an object stands where one taps, lit by what the camera has seen so far", 
   const empty = await screen(page);
   await page.evaluate(() => (globalThis as unknown as { tap: () => void }).tap());
   await page.waitForSelector('#room[data-hint="placed"]');
+  expect(await findings(page)).toEqual([]);
   await expect.poll(async () => (await screen(page)).equals(empty)).toBe(false);
   await page.evaluate(() => {
     const { device } = globalThis as unknown as {
