@@ -1,5 +1,13 @@
-/** A .glb file with one red box in it, as an exporter would write it. */
-export function boxGlb(): Buffer {
+/** A lamp as bright as the sun, as an exporter takes it along with what it lit. */
+export const LIT = {
+  extensionsUsed: ["KHR_lights_punctual"],
+  extensions: { KHR_lights_punctual: { lights: [{ type: "directional", intensity: 100 }] } },
+  nodes: [{ mesh: 0 }, { extensions: { KHR_lights_punctual: { light: 0 } } }],
+  scenes: [{ nodes: [0, 1] }],
+};
+
+/** A .glb file with one red box in it, as an exporter would write it; `more` of it, or other. */
+export function boxGlb(more: object = {}): Buffer {
   const [positions, normals, corners] = faces();
   const blobs = [positions, normals, corners].map((values) => Buffer.from(values.buffer));
   const views = blobs.map(({ length }, i) => ({
@@ -24,6 +32,7 @@ export function boxGlb(): Buffer {
     ],
     bufferViews: views,
     buffers: [{ byteLength: blobs.reduce((sum, blob) => sum + blob.length, 0) }],
+    ...more,
   };
   const text = Buffer.from(JSON.stringify(json));
   return glb(Buffer.concat([text, Buffer.alloc(-text.length & 3, " ")]), Buffer.concat(blobs));

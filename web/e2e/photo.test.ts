@@ -7,7 +7,7 @@ import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, describe, expect, test } from "vitest";
 import { golden } from "../tests/golden.ts";
 import { decodedHdr } from "../tests/hdr.ts";
-import { boxGlb } from "./box.ts";
+import { boxGlb, LIT } from "./box.ts";
 import { DESKTOP, launch, PHONE_LYING, untilLit, type Visit, visit } from "./browser.ts";
 import { PHOTOS } from "./clip.ts";
 import { pixels, saved } from "./pictures.ts";
@@ -223,6 +223,10 @@ describe("with one photo", () => {
     const picture = await pixels(page, await saved(page, "#save-picture"));
     const [red, green] = picture.at(0.5, 0.62);
     expect(red).toBeGreaterThan(2 * green!);
+    await page.setInputFiles("#model-file", { ...GLB, name: "lit.glb", buffer: boxGlb(LIT) });
+    await page.waitForSelector("#objects >> text=lit.glb", { state: "attached" });
+    const lit = await pixels(page, await saved(page, "#save-picture"));
+    expect(lit.at(0.5, 0.62)).toEqual(picture.at(0.5, 0.62)); // by the photo's light alone
     await page.setInputFiles("#model-file", { ...GLB, buffer: boxGlb().subarray(0, 900) });
     await page.waitForSelector('#notice[data-kind="glb-broken"]');
     await page.keyboard.press("Escape");

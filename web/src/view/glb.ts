@@ -1,10 +1,11 @@
 /** The user's own object: a .glb file, read here and nowhere else. */
 
-import { irradiance, type Light, type Matrix3x3, product } from "deeplight/core";
+import { type Light as Estimated, irradiance, type Matrix3x3, product } from "deeplight/core";
 import {
   Box3,
   type BufferGeometry,
   Group,
+  Light,
   LoadingManager,
   type Material,
   Matrix3,
@@ -69,7 +70,7 @@ export class OwnObject implements Exhibit {
     for (const [mesh, own] of this.materialOf) mesh.material = one ?? own;
   }
 
-  setLight(light: Light, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
+  setLight(light: Estimated, worldFromCamera: Matrix3x3, objectFromWorld: Matrix3x3): void {
     const objectFromCamera = product(objectFromWorld, worldFromCamera);
     this.light.set(light, worldFromCamera);
     this.shadow.setLight(light, objectFromCamera);
@@ -117,6 +118,7 @@ async function parsed(file: ArrayBuffer): Promise<Object3D> {
   try {
     const { scene } = await loader.parseAsync(file, "");
     if (unpackers.problem) throw new Failure("glb-packed", String(unpackers.problem));
+    withoutLamps(scene);
     return scene;
   } catch (error) {
     if (error instanceof Failure) throw error;
@@ -124,6 +126,15 @@ async function parsed(file: ArrayBuffer): Promise<Object3D> {
   } finally {
     unpackers.dispose();
   }
+}
+
+/** Exporters take lamps along; here the light is the place's. */
+function withoutLamps(model: Object3D): void {
+  const lamps: Object3D[] = [];
+  model.traverse((part) => {
+    if (part instanceof Light) lamps.push(part);
+  });
+  for (const lamp of lamps) lamp.removeFromParent();
 }
 
 /** Puts the model on y = 0 around the origin, its longest side 1. */
