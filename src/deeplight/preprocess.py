@@ -16,7 +16,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Float, Float32, Int, Shaped, UInt8
 
-from deeplight.camera import BACKGROUND_HEIGHT, BACKGROUND_WIDTH, TRAINED_VERTICAL_FOV_RAD
+from deeplight.camera import (
+    BACKGROUND_HEIGHT,
+    BACKGROUND_WIDTH,
+    TRAINED_VERTICAL_FOV_RAD,
+    PinholeCamera,
+)
 from deeplight.contract import ModelContract
 from deeplight.errors import ShapeError
 
@@ -45,6 +50,11 @@ class Framing:
     fov_source: FovSource
     input_height: int = BACKGROUND_HEIGHT
     input_width: int = BACKGROUND_WIDTH
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """Of the whole photo."""
+        return PinholeCamera(self.photo_width, self.photo_height, self.vertical_fov_rad)
 
     @property
     def visible_fraction(self) -> float:

@@ -149,3 +149,25 @@ def test_photos_compose_and_fuse_through_public_names(tmp_path: Path) -> None:
     changed = (composed.composite.pixels != photo).any(-1)
     assert 0 < changed.mean() < 0.9
     assert any("camera pitch from the network" in note for note in composed.notes)
+
+
+@pytest.mark.parametrize("pitch_deg", [-30.0, 10.0])
+def test_a_given_pitch_holds_for_the_light_of_a_composite_too(
+    monkeypatch: pytest.MonkeyPatch, pitch_deg: float
+) -> None:
+    pytest.importorskip("mitsuba")
+    from deeplight.compose import photo as compose_of_photo
+    from deeplight.compose.gravity import CameraPlacement
+    from deeplight.estimators.sun import scene_in_sun
+
+    tilts = []
+
+    def noted(*args: object, **kwargs: object) -> None:
+        scene, _ = scene_in_sun(*args, **kwargs)
+        tilts.append(scene.tilt)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(compose_of_photo, "scene_in_sun", noted)
+    with pytest.raises(KeyboardInterrupt):
+        deeplight.compose_photo(grey_gradient(), placement=CameraPlacement(pitch_deg=pitch_deg))
+    assert tilts[0].pitch_rad == pytest.approx(np.radians(pitch_deg))

@@ -5,9 +5,11 @@ import pytest
 
 from deeplight.camera import PinholeCamera
 from deeplight.compose.floor import free_spots
+from deeplight.compose.gravity import CameraPlacement, camera_tilt, viewpoint_of
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.horizon import tilt_of_photo
 from deeplight.errors import ConfigError
+from deeplight.io.tilt import Tilt
 
 CAMERA = PinholeCamera(300, 400, float(np.radians(66)))
 
@@ -76,3 +78,26 @@ def test_a_photo_of_the_sky_has_no_floor():
     view = Viewpoint(CAMERA, pitch_rad=float(np.radians(60)))
     with pytest.raises(ConfigError, match="horizon at row"):
         free_spots(furnished(), view, 1, 300.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ((None, None), (-0.3, 0.1, 0.2)),
+        ((-30.0, None), (np.radians(-30), 0.1, 0.0)),
+        ((None, 5.0), (-0.3, np.radians(5), 0.2)),
+        ((-30.0, 5.0), (np.radians(-30), np.radians(5), 0.0)),
+    ],
+)
+def test_what_is_given_of_the_tilt_counts_before_what_is_guessed(given, expected):
+    guess = Tilt(-0.3, 0.1, "a guess", 0.2)
+    tilt = camera_tilt(None, CAMERA, CameraPlacement(1.4, *given), guess=guess)
+    assert tilt is not None
+    assert (tilt.pitch_rad, tilt.roll_rad, tilt.scale_rad) == pytest.approx(expected)
+
+
+def test_without_any_tilt_one_is_assumed_and_said():
+    assert camera_tilt(None, CAMERA, CameraPlacement()) is None
+    viewpoint, notes = viewpoint_of(CAMERA, CameraPlacement(roll_deg=3), None)
+    assert viewpoint.roll_rad == pytest.approx(np.radians(3))
+    assert "unknown, assumed" in notes[0]

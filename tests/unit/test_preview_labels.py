@@ -1,11 +1,14 @@
-"""Labels of lamps that lie near each other."""
+"""What the preview draws: a level panorama, and labels of lamps that lie near each other."""
 
 import itertools
 
+import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from deeplight.estimators.preview import LIGHT_SIZE, _free, _overlap
+from deeplight.estimators.preview import LIGHT_SIZE, _free, _overlap, _turned
+from deeplight.io.tilt import Tilt
+from deeplight.mappings import latlong
 
 
 @pytest.mark.parametrize("y", [66, 250, 425])
@@ -22,3 +25,18 @@ def test_labels_of_near_lamps_do_not_overlap_and_stay_in_the_picture(y):
 
 def test_a_label_alone_stays_where_it_is():
     assert _free((10, 80, 90, 96), [(200, 80, 290, 96)], 64) == (10, 80, 90, 96)
+
+
+@pytest.mark.parametrize("rows", [64, 1024])
+def test_a_horizon_is_shown_level_whatever_the_tilt(rows):
+    tilt = Tilt(-0.4, 0.2, "a test")
+    bright_sky = latlong.directions(rows, 2 * rows) @ tilt.up > 0
+    radiance = np.repeat(bright_sky[..., None], 3, axis=2).astype(np.float32)
+
+    def wave(turn: np.ndarray) -> float:
+        """How many of the picture's rows the horizon goes up and down."""
+        bright = _turned(radiance, turn)[..., 0] > 0.5
+        return float(np.ptp(bright.sum(axis=0)))
+
+    assert wave(tilt.level_from_camera) < 0.05 * LIGHT_SIZE[1]
+    assert wave(np.eye(3)) > 0.2 * LIGHT_SIZE[1]

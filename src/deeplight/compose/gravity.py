@@ -1,6 +1,6 @@
 """How the camera stood: above which surface, how tilted, where the photo's EXIF data says so."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees, radians
 from pathlib import Path
 
@@ -11,7 +11,6 @@ from deeplight.camera import PinholeCamera
 from deeplight.compose.ground import DEFAULT_PITCH_RAD, Viewpoint
 from deeplight.compose.horizon import tilt_of_photo
 from deeplight.io.tilt import Tilt, tilt_of
-from deeplight.preprocess import Framing
 
 
 @dataclass(frozen=True)
@@ -31,32 +30,46 @@ class CameraPlacement:
     fov_deg: float | None = None
 
 
-def viewpoint_of(
+def camera_tilt(
     source: Path | str | None,
-    framing: Framing,
+    camera: PinholeCamera,
     placement: CameraPlacement,
     photo: UInt8[np.ndarray, "height width 3"] | None = None,
     guess: Tilt | None = None,
-) -> tuple[Viewpoint, list[str]]:
-    """The camera above the surface, and notes on what its tilt was taken from.
-
-    Tilt is as given, else EXIF's, else what upright edges in the photo say, else the guess, else
-    assumed.
-    """
-    camera = PinholeCamera(framing.photo_width, framing.photo_height, framing.vertical_fov_rad)
-    tilt, notes = tilt_of(source), []
-    if tilt is None and photo is not None and placement.pitch_deg is None:
+) -> Tilt | None:
+    """The camera's tilt as given, else EXIF's, else what upright edges in the photo say, else the
+    guess; None where nothing says what the pitch is."""
+    pitch_deg, roll_deg = placement.pitch_deg, placement.roll_deg
+    tilt = tilt_of(source)
+    if tilt is None and photo is not None and pitch_deg is None:
         seen = tilt_of_photo(photo, camera)
         if seen is not None:
             tilt = Tilt(seen.pitch_rad, seen.roll_rad, "upright edges in the photo")
     tilt = tilt or guess
-    pitch, roll = DEFAULT_PITCH_RAD, 0.0
-    if tilt is not None:
-        pitch, roll = tilt.pitch_rad, tilt.roll_rad
-        if placement.pitch_deg is None:
-            notes.append(f"camera pitch from {tilt.source}: {degrees(pitch):.0f} degrees")
-    elif placement.pitch_deg is None:
-        notes.append(f"camera tilt unknown, assumed {degrees(pitch):.0f} degrees: give --pitch")
-    pitch = pitch if placement.pitch_deg is None else radians(placement.pitch_deg)
-    roll = roll if placement.roll_deg is None else radians(placement.roll_deg)
-    return Viewpoint(camera, placement.height_m, pitch, roll), notes
+    if pitch_deg is not None:
+        roll_rad = 0.0 if tilt is None else tilt.roll_rad
+        tilt = Tilt(radians(pitch_deg), roll_rad, "the pitch as given")
+    if tilt is not None and roll_deg is not None:
+        tilt = replace(tilt, roll_rad=radians(roll_deg))
+    return tilt
+
+
+def viewpoint_of(
+    camera: PinholeCamera, placement: CameraPlacement, tilt: Tilt | None
+) -> tuple[Viewpoint, list[str]]:
+    """The camera above the surface, and notes on what its tilt was taken from.
+
+    Args:
+        camera: of the upright photo.
+        placement: what is given of how it stood.
+        tilt: of `camera_tilt`; without one the pitch is assumed.
+    """
+    if tilt is None:
+        roll = radians(placement.roll_deg or 0.0)
+        assumed = f"{degrees(DEFAULT_PITCH_RAD):.0f} degrees"
+        note = f"camera tilt unknown, assumed {assumed}: give --pitch"
+        return Viewpoint(camera, placement.height_m, DEFAULT_PITCH_RAD, roll), [note]
+    notes = []
+    if placement.pitch_deg is None:
+        notes.append(f"camera pitch from {tilt.source}: {degrees(tilt.pitch_rad):.0f} degrees")
+    return Viewpoint(camera, placement.height_m, tilt.pitch_rad, tilt.roll_rad), notes

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from deeplight.compose.compose import Composed, ComposeSettings, Item, compose
-from deeplight.compose.gravity import CameraPlacement, viewpoint_of
+from deeplight.compose.gravity import CameraPlacement, camera_tilt, viewpoint_of
 from deeplight.compose.trace import Progress
 from deeplight.environment import Environment
 from deeplight.estimators.estimate import load_estimator
@@ -60,8 +60,10 @@ def compose_photo(
     opened, network = as_photo(photo), load_estimator()
     where = placement or CameraPlacement()
     estimate = network.explain(opened, where.fov_deg)
+    framing, guess = estimate.framing, guessed_tilt(estimate.heads)
+    tilt = camera_tilt(opened.source, framing.camera, where, opened.pixels, guess)
     if light is None:
-        scene, found = scene_in_sun(estimate, sun, fill=fill)
+        scene, found = scene_in_sun(estimate, sun, fill=fill, tilt=tilt)
         light = scene.environment
         notes = (*estimate.notes, *(() if found is None else (found.note,)))
         glow = glow_rad(estimate.heads)
@@ -69,8 +71,7 @@ def compose_photo(
             light, notes = scene.softened(glow).environment, (*notes, soft_note(estimate.heads))
     else:
         notes = opened.notes
-    framing, guess = estimate.framing, guessed_tilt(estimate.heads)
-    viewpoint, assumed = viewpoint_of(opened.source, framing, where, opened.pixels, guess)
+    viewpoint, assumed = viewpoint_of(framing.camera, where, tilt)
     items = [Item(given) if isinstance(given, str) else given for given in objects]
     radiance = light.radiance * np.float32(2.0**stops)
     how = settings or ComposeSettings()

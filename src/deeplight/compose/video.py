@@ -12,7 +12,7 @@ from jaxtyping import Float, Float32, UInt8
 from deeplight.compose.compose import ComposeSettings, Item, matched, placed, scene_of
 from deeplight.compose.composite import composite
 from deeplight.compose.follow import Follower, turned_to
-from deeplight.compose.gravity import CameraPlacement, viewpoint_of
+from deeplight.compose.gravity import CameraPlacement, camera_tilt, viewpoint_of
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.kept_frames import KeptFrames
 from deeplight.compose.look import Look
@@ -129,11 +129,11 @@ def _begin(
     estimator, factor = OnnxEstimator(), np.float32(gain)
     photo = Photo(first.rgb(), video)
     estimate = estimator.explain(photo, placement.fov_deg)
-    viewpoint, assumed = viewpoint_of(
-        video, estimate.framing, placement, photo.pixels, guessed_tilt(estimate.heads)
-    )
+    framing, guess = estimate.framing, guessed_tilt(estimate.heads)
+    tilt = camera_tilt(video, framing.camera, placement, photo.pixels, guess)
+    viewpoint, assumed = viewpoint_of(framing.camera, placement, tilt)
     light = factor * (estimate.lighting.latlong() if given is None else given)
-    solids, notes = placed(viewpoint, items, estimate.framing.bottom, photo.pixels)
+    solids, notes = placed(viewpoint, items, framing.bottom, photo.pixels)
     scene, limited = scene_of(photo.pixels, light, viewpoint, solids, settings)
     low, high = solids[0].vertices.min(0), solids[0].vertices.max(0)
     anchor = (low + high) / 2 * [1, 0, 1]

@@ -53,12 +53,14 @@ class SceneLight:
         seen: 0 to 1, how much of a texel the photo shows; elsewhere the light is estimated.
         detail_of: whose detail was made up where nothing is seen, `ITSELF` or a place of the
             library; None if none was.
+        tilt: the camera's, by which the photo went on; None where it did not.
     """
 
     rest: Float32[np.ndarray, "height width 3"]
     lamps: tuple[Lamp, ...]
     seen: Float32[np.ndarray, "height width"]
     detail_of: str | None = None
+    tilt: Tilt | None = None
 
     @cached_property
     def environment(self) -> Environment:
@@ -160,16 +162,17 @@ def assemble(
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
     around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
-    place = None
-    if fill == "photo" and tilt is not None:
-        around, place = continued(around, photo, tilt), ITSELF
+    goes_on = tilt if fill == "photo" else None
+    if goes_on is not None:
+        around = continued(around, photo, goes_on)
     rest = enlarged(adapted(around, photo.pixels, plane), height)
     box = photo.box
     known, around = photo.radiance[box], rest[box]
     known = known + photo.clipped[box] * np.maximum(around - known, 0) + found.areas[box]
     rest[box] += (known - around) * photo.seen[box][..., None]
     if fill is None or fill == "photo":
-        return SceneLight(rest, found.lamps, photo.seen, place)
+        place = None if goes_on is None else ITSELF
+        return SceneLight(rest, found.lamps, photo.seen, place, goes_on)
     rich, place = filled(rest, photo.seen, fill)
     unseen = 1 - photo.seen[..., None]
     rich = kept_power(rich * unseen, power_of(rest * unseen)) + rest * photo.seen[..., None]

@@ -1,6 +1,7 @@
 """One picture to look at: the photo, the light found in it, and spheres in that light."""
 
 from collections.abc import Sequence
+from math import degrees
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -10,11 +11,13 @@ from deeplight.brdf import REFLECTIVITY
 from deeplight.camera_response import CameraResponse
 from deeplight.environment import Environment
 from deeplight.estimators.network import Estimate
+from deeplight.frames import Rotation, turned
 from deeplight.io.photos import Photo
+from deeplight.io.tilt import Tilt
 from deeplight.lamp import Lamp
 from deeplight.mappings import mirror_ball
-from deeplight.mappings.latlong import position
-from deeplight.mappings.resample import sample_latlong
+from deeplight.mappings.latlong import directions, position
+from deeplight.mappings.resample import sample_latlong, shrink_latlong
 from deeplight.preprocess import Framing
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG
@@ -45,6 +48,7 @@ def preview(
     lamps: Sequence[Lamp] = (),
     confidence: Sequence[str] = (),
     direction_known: bool = True,
+    tilt: Tilt | None = None,
 ) -> UInt8[np.ndarray, "736 1280 3"]:
     """Draw the preview of one estimate.
 
@@ -55,6 +59,7 @@ def preview(
         lamps: to mark.
         confidence: how sure the estimate is, a line each.
         direction_known: whether the main light's place can be relied on.
+        tilt: the camera's, to show the panorama level: in the camera's frame a horizon is a wave.
     """
     canvas = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
     draw = ImageDraw.Draw(canvas)
@@ -63,15 +68,34 @@ def preview(
     below_photo = _draw_photo(canvas, estimate.photo, estimate.framing)
     _say_how_sure(draw, confidence[:4], below_photo)
     draw.text((left, 24), "its light from all directions", INK, _font(22))
-    caption = "as the camera exposed it; centre = the view"
-    draw.text((WIDTH - MARGIN, 28), caption, FAINT, _font(16), anchor="ra")
-    canvas.paste(_tone_mapped(environment.radiance, 0.0, LIGHT_SIZE), (left, 64))
-    _mark_lamps(draw, lamps, (left, 64), direction_known)
+    draw.text((WIDTH - MARGIN, 28), _how_shown(tilt), FAINT, _font(16), anchor="ra")
+    turn = tilt.level_from_camera if tilt else np.eye(3)
+    shown = _turned(environment.radiance, turn) if tilt else environment.radiance
+    canvas.paste(_tone_mapped(shown, 0.0, LIGHT_SIZE), (left, 64))
+    places = [(turn @ lamp.direction, lamp) for lamp in lamps]
+    _mark_lamps(draw, places, (left, 64), direction_known)
     below = 64 + LIGHT_SIZE[1] + 40
-    canvas.paste(_tone_mapped(environment.radiance, DARK_STOPS, DIM_SIZE), (left, below))
+    canvas.paste(_tone_mapped(shown, DARK_STOPS, DIM_SIZE), (left, below))
     draw.text((left, below + DIM_SIZE[1] + 8), f"{-DARK_STOPS:.0f} stops darker", FAINT, _font(16))
     draw_spheres(canvas, environment, left + DIM_SIZE[0], below)
     return np.asarray(canvas)
+
+
+def _how_shown(tilt: Tilt | None) -> str:
+    """The panorama's caption."""
+    if tilt is None:
+        return "centre = the view"
+    where = "up" if tilt.pitch_rad > 0 else "down"
+    pitch = f"{abs(degrees(tilt.pitch_rad)):.0f} degrees {where}"
+    return f"level; the camera looks {pitch} ({tilt.source})"
+
+
+def _turned(radiance: Float[np.ndarray, "h w 3"], turn: Rotation) -> Float[np.ndarray, "h2 w2 3"]:
+    """A panorama turned, at about the size that is shown."""
+    width, height = LIGHT_SIZE
+    if len(radiance) > 2 * height:
+        radiance = shrink_latlong(radiance, height)
+    return sample_latlong(radiance, turned(directions(height, width), turn.T))
 
 
 def _say_how_sure(draw: ImageDraw.ImageDraw, lines: Sequence[str], top: int) -> None:
@@ -173,13 +197,16 @@ def _tone_mapped(
 
 
 def _mark_lamps(
-    draw: ImageDraw.ImageDraw, lamps: Sequence[Lamp], at: tuple[int, int], known: bool
+    draw: ImageDraw.ImageDraw,
+    lamps: Sequence[tuple[Float[np.ndarray, "3"], Lamp]],
+    at: tuple[int, int],
+    known: bool,
 ) -> None:
-    """Ring each lamp and say how bright it is."""
+    """Ring each lamp, in a direction of the panorama, and say how bright it is."""
     width, height = LIGHT_SIZE
     taken: list[Box] = []
-    for number, lamp in enumerate(lamps):
-        (row,), (column,) = position(lamp.direction[None], height, width)
+    for number, (direction, lamp) in enumerate(lamps):
+        (row,), (column,) = position(direction[None], height, width)
         x, y = at[0] + float(column), at[1] + float(row)
         size = max(10.0, lamp.angular_radius_rad / np.pi * height + 6)
         for more, colour in ((1, PAPER), (0, ACCENT)):

@@ -122,7 +122,8 @@ def _written(
     files.append(stem.with_name(f"{stem.name}.preview.png"))
     lamps = scene.lamps if scene else ()
     known = confidence.words["direction"] == "roughly known"
-    picture = preview(estimate, environment, title, lamps, confidence.sentences, known)
+    tilt = scene.tilt if scene else None
+    picture = preview(estimate, environment, title, lamps, confidence.sentences, known, tilt)
     write_png(files[-1], picture)
     return files
 

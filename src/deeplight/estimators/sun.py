@@ -96,6 +96,14 @@ class SunHint:
         if not np.isfinite([value for way in ways for value in way]).all():
             raise ConfigError("numbers for the sun", f"{ways[0]}", "correct them")
 
+    @property
+    def tilt(self) -> Tilt | None:
+        """The camera's as given."""
+        if self.pitch_deg is None and self.roll_deg is None:
+            return None
+        given = radians(self.pitch_deg or 0.0), radians(self.roll_deg or 0.0)
+        return Tilt(*given, "the camera's tilt as given")
+
     def sun(self, estimate: Estimate, scene: SceneLight) -> "Sun":
         """The sun of one photo."""
         if self.angles_deg is not None:
@@ -105,10 +113,7 @@ class SunHint:
         if self.pixel is not None:
             return sun_at_pixel(camera, *self.pixel)
         assert self.shadow is not None
-        tilt = tilt_of(estimate.photo.source)
-        if self.pitch_deg is not None or self.roll_deg is not None:
-            given = radians(self.pitch_deg or 0.0), radians(self.roll_deg or 0.0)
-            tilt = Tilt(*given, "the camera's tilt as given")
+        tilt = self.tilt or tilt_of(estimate.photo.source)
         high = None
         if scene.lamps:
             up = frames.turned(scene.lamps[0].direction, _world(tilt))[1]
@@ -155,9 +160,10 @@ def scene_in_sun(
     hint: SunHint | None = None,
     height: int = HEIGHT,
     fill: Fill | None = "photo",
+    tilt: Tilt | None = None,
 ) -> tuple[SceneLight, FoundSun | None]:
     """Put a photo into its light as `scene_light` does, its sun where `find_sun` finds it."""
-    scene = scene_light(estimate, height, fill)
+    scene = scene_light(estimate, height, fill, tilt or (hint.tilt if hint else None))
     found = find_sun(estimate, scene, hint)
     return (scene if found is None else found.scene), found
 
@@ -316,7 +322,7 @@ def _declination_deg(taken: Whereabouts) -> float:
 
 
 def _world(tilt: Tilt | None) -> Rotation:
-    return frames.world_from_camera(0.0, tilt.pitch_rad, tilt.roll_rad) if tilt else np.eye(3)
+    return tilt.level_from_camera if tilt else np.eye(3)
 
 
 def _ray(camera: PinholeCamera, x: float, y: float) -> Float[np.ndarray, "3"]:

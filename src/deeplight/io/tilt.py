@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from deeplight.frames import world_from_camera
+from deeplight.frames import Rotation, world_from_camera
 from deeplight.io.exif import exif_directories, number
 
 _MAKER_NOTE, _ELEVATION = 0x927C, 0x9405
@@ -29,9 +29,14 @@ class Tilt:
     scale_rad: float = 0.0
 
     @property
+    def level_from_camera(self) -> Rotation:
+        """To the frame whose +Y is against gravity, the view above or below -Z."""
+        return world_from_camera(0.0, self.pitch_rad, self.roll_rad)
+
+    @property
     def up(self) -> Float[np.ndarray, "3"]:
         """Against gravity, unit length, in the camera frame."""
-        return world_from_camera(0.0, self.pitch_rad, self.roll_rad)[1]
+        return self.level_from_camera[1]
 
 
 def tilt_of(path: Path | str | None) -> Tilt | None:
