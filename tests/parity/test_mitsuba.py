@@ -12,6 +12,7 @@ made-up sky with large lights 0.006, 0.006 and 0.004 (0.007). A flipped panorama
 light's pixels, 3 to 7 degrees.
 """
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -123,12 +124,18 @@ def workshop(shared: Path) -> np.ndarray:
 
 @pytest.fixture(scope="module", params=["made_up_place", "workshop"])
 def place(request: pytest.FixtureRequest, silver_furnace: np.ndarray) -> Any:
-    """A panorama and its three spheres by Mitsuba."""
+    """A panorama's three spheres by Mitsuba, and by us: for a size of the light, and flipped."""
     panorama = request.getfixturevalue(request.param)
     spheres = {name: traced(name, panorama) for name in SPHERES}
     # Our silver is scaled to the measured reflectivity at every view; so is Mitsuba's here.
     spheres["matte_silver"] *= brdf.REFLECTIVITY["matte_silver"] / silver_furnace
-    return panorama, spheres
+
+    @cache
+    def ours(light_size: int, flipped: bool = False) -> dict[str, np.ndarray]:
+        seen = panorama[:, ::-1] if flipped else panorama
+        return relight_rig(PAPER_RIG, Lighting.from_latlong(seen, size=light_size))
+
+    return spheres, ours
 
 
 def masked_l1(view: SphereView, ours: np.ndarray, theirs: np.ndarray) -> float:
@@ -139,9 +146,8 @@ def masked_l1(view: SphereView, ours: np.ndarray, theirs: np.ndarray) -> float:
 @pytest.mark.parametrize("light_size", [64, 32])
 @pytest.mark.parametrize("name", SPHERES)
 def test_relit_spheres_are_mitsubas(name: str, light_size: int, place) -> None:
-    panorama, spheres = place
-    view = PAPER_RIG.views[name]
-    ours = relight_rig(PAPER_RIG, Lighting.from_latlong(panorama, size=light_size))[name]
+    spheres, relit = place
+    view, ours = PAPER_RIG.views[name], relit(light_size)[name]
     assert masked_l1(view, ours, spheres[name]) < MOST[light_size][name]
     # Brightness, before any clip could hide it.
     got, want = (image[view.mask()].mean() for image in (ours, spheres[name]))
@@ -151,8 +157,8 @@ def test_relit_spheres_are_mitsubas(name: str, light_size: int, place) -> None:
 @pytest.mark.parametrize("name", SPHERES)
 def test_a_mirrored_panorama_would_be_found(name: str, place) -> None:
     """The twin: left and right exchanged is far outside the tolerance."""
-    panorama, spheres = place
-    flipped = relight_rig(PAPER_RIG, Lighting.from_latlong(panorama[:, ::-1], size=64))[name]
+    spheres, relit = place
+    flipped = relit(64, flipped=True)[name]
     assert masked_l1(PAPER_RIG.views[name], flipped, spheres[name]) > 2 * MOST[64][name]
 
 

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from deeplight.contract import HEADS
+from deeplight.deploy import onnx
 from deeplight.deploy.network import Refinement, write_network
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.sureness import Sureness, camera_record, sureness_of
@@ -24,7 +25,7 @@ from deeplight.training.heads import (
 )
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, NetworkConfig
-from networks import EVERYTHING, EVERYTHING_CONTRACT, random_network
+from networks import EVERYTHING, EVERYTHING_CONTRACT, random_network, traced_once
 
 SMALL = NetworkConfig(
     latent_size=32, decoder_widths=(8, 8), encoder_norm="none", decoder_norm="none", width=0.35,
@@ -90,6 +91,7 @@ def test_scales_set_anew_change_nothing_else_in_the_file(
 ) -> None:
     second = tmp_path / "second.onnx"
     monkeypatch.setattr(teaching, "views_of", lambda *_: views(300, 1))
+    monkeypatch.setattr(onnx, "traced", traced_once)
     write_network(everything_model, second, refinement=Refinement(scales=("data",)))
     before, after = (load_network(path)[0].state_dict() for path in (everything_model, second))
     assert {name for name in before if not torch.equal(before[name], after[name])} == {BIAS}
