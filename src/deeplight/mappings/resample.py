@@ -6,6 +6,8 @@ more pixels is smooth, and then corrected until every ball pixel holds its energ
 Radiance is linear and unclipped throughout.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
@@ -18,6 +20,8 @@ Radiance = Float[np.ndarray, "height width channels"]
 _IDENTITY = np.eye(3)
 SUPERSAMPLED_UP_TO = 2048
 """Rows; a larger panorama is turned without supersampling, for memory's sake."""
+_KEPT_UP_TO = 2**20
+"""Texels of a panorama whose places on the ball are kept for the next one, if it is not turned."""
 _TEXELS_PER_PIXEL = 24  # below this, panorama texels are split before they are binned
 _TEXELS_OF_EXACT_POWER = 200
 
@@ -62,8 +66,11 @@ def ball_from_latlong(
     texels = _TEXELS_OF_EXACT_POWER if exact_power else _TEXELS_PER_PIXEL
     radiance = _split_texels(radiance, size, texels)
     height, width, channels = radiance.shape
-    directions = turned(latlong.directions(height, width), ball_from_latlong)
-    pixel = mirror_ball.pixel_of_directions(directions, size).ravel()
+    kept = height * width <= _KEPT_UP_TO and np.array_equal(ball_from_latlong, _IDENTITY)
+    if kept:
+        pixel = _pixels_of_upright(height, width, size)
+    else:
+        pixel = _pixels_of_texels(height, width, size, ball_from_latlong)
     solid_angle = latlong.solid_angles(height, width)
     area = np.bincount(pixel, solid_angle.ravel(), size * size)
     ball = np.zeros((size * size, channels), np.float32)
@@ -177,6 +184,22 @@ def _darkest(
     least = np.full(size * size, np.inf, values.dtype)
     np.minimum.at(least, pixel, values)
     return np.where(np.isfinite(least), least, 0)
+
+
+def _pixels_of_texels(
+    height: int, width: int, size: int, ball_from_latlong: Rotation
+) -> Int[np.ndarray, " texels"]:
+    """The ball pixel that each texel of a panorama falls into."""
+    directions = turned(latlong.directions(height, width), ball_from_latlong)
+    return mirror_ball.pixel_of_directions(directions, size).ravel()
+
+
+@lru_cache(maxsize=4)
+def _pixels_of_upright(height: int, width: int, size: int) -> Int[np.ndarray, " texels"]:
+    """`_pixels_of_texels` where nothing is turned: a third of the way to the ball, read-only."""
+    pixel = _pixels_of_texels(height, width, size, _IDENTITY)
+    pixel.setflags(write=False)
+    return pixel
 
 
 def _split_texels(
