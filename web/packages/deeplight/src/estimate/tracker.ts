@@ -173,7 +173,8 @@ async function taken(contract: Contract, picker: Picker, frame: Frame, fov: numb
   const [means, whole] = [new CellMeans(framing), new CellMeans(wholePhoto(photo, small))];
   const isReversed = await picker.pick(frame, means, whole);
   frame.close();
-  const pixels = new Uint8Array(whole.rgb(isReversed, 255).map(Math.round));
+  const rounded = new Uint8ClampedArray(whole.rgb(isReversed, 255));
+  const pixels = new Uint8Array(rounded.buffer);
   const planes = () => means.planes(contract.input_low, contract.input_high, isReversed);
   return { picture: { ...small, pixels, verticalFovRad }, planes };
 }
