@@ -92,6 +92,13 @@ test("never keeps the page waiting for long", async () => {
   expect(await call("longestPause", 10)).toBeLessThan(100 * PATIENCE);
 });
 
+test("asks the network for a film's frame only where something moved or changed", async () => {
+  const still = [false, false];
+  expect(await call("asked", [120, 120, 120], [0, 0, 0])).toEqual([true, ...still]);
+  expect(await call("asked", [120, 120, 120], [0, 0.1, 0.1])).toEqual([true, true, false]);
+  expect(await call("asked", [120, 121, 140], [0, 0, 0])).toEqual([true, false, true]);
+});
+
 test("reports its speed", async () => {
   for (const [width, height] of [
     [720, 1280],

@@ -204,6 +204,25 @@ describe("with one photo", () => {
     expect((await around(sky)).equals(clouds)).toBe(true);
   });
 
+  test("an open tray does not cover the object", async () => {
+    await page.locator("#view").press("Home");
+    const [foot, height] = [0.7, 844]; // where it stands at first, of the view
+    const tops: number[] = [];
+    for (const tray of ["object", "material", "camera", "save"]) {
+      await page.click(`[data-tray="${tray}"]`);
+      await page.locator("#view").evaluate(atRest);
+      const [view, panel] = await Promise.all(
+        ["#view", `#tray-${tray}`].map(async (part) => (await page.locator(part).boundingBox())!),
+      );
+      expect(view!.y + foot * view!.height, tray).toBeLessThan(panel!.y);
+      tops.push(panel!.y);
+    }
+    expect(Math.min(...tops)).toBeLessThan(foot * height); // it would
+    await page.click('[data-tray="save"]');
+    await page.locator("#view").evaluate(atRest);
+    expect((await page.locator("#view").boundingBox())!.y).toBeCloseTo(0, 0);
+  });
+
   test("every material is another picture", async () => {
     await page.locator("#view").press("Home");
     const seen: string[] = [];

@@ -71,6 +71,21 @@ const harness = {
     return longest;
   },
 
+  /** For each frame of a film, grey values of flat pictures, whether the network was asked. */
+  async asked(greys: readonly number[], yawsRad: readonly number[]): Promise<boolean[]> {
+    const estimator = newest();
+    const asked: boolean[] = [];
+    for (const [i, grey] of greys.entries()) {
+      const [c, s] = [Math.cos(yawsRad[i]!), Math.sin(yawsRad[i]!)];
+      const worldFromCamera = [c, 0, s, 0, 1, 0, -s, 0, c] as const;
+      const request = { worldFromCamera, start: worldFromCamera, rows: 0 };
+      const tracked = await estimator.track(await flat(grey), undefined, request);
+      asked.push(tracked!.added !== null && !tracked!.isStill);
+    }
+    estimator.leavePlace();
+    return asked;
+  },
+
   async closed(): Promise<(boolean | null)[]> {
     const estimator = estimators.pop()!;
     const before = estimator.estimate(await blank(90, 160));
@@ -96,6 +111,14 @@ function bitmap(base64: string, width: number, height: number): Promise<ImageBit
     pixels.data[4 * Math.floor(i / 3) + (i % 3)] = value;
   });
   return createImageBitmap(pixels);
+}
+
+function flat(grey: number): Promise<ImageBitmap> {
+  const canvas = new OffscreenCanvas(90, 160);
+  const context = canvas.getContext("2d")!;
+  context.fillStyle = `rgb(${grey} ${grey} ${grey})`;
+  context.fillRect(0, 0, 90, 160);
+  return createImageBitmap(canvas);
 }
 
 function blank(width: number, height: number): Promise<ImageBitmap> {
