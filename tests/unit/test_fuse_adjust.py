@@ -12,9 +12,9 @@ HALF = np.tan(np.radians(33)) * np.array([0.6, 1.0])
 TURNS = {k: world_from_camera(2 * np.pi * k / PICTURES, -0.1) for k in range(PICTURES)}
 
 
-def walls(rng: np.random.Generator) -> np.ndarray:
+def walls(rng: np.random.Generator, points: int) -> np.ndarray:
     """Points on the walls of a box round the origin, m."""
-    rays = rng.normal(size=(POINTS, 3))
+    rays = rng.normal(size=(points, 3))
     reach = np.where(rays > 0, HIGH / rays, LOW / rays).min(1, keepdims=True)
     return np.asarray(reach * rays)
 
@@ -25,14 +25,14 @@ def places(reach_m: float) -> np.ndarray:
     return np.asarray(reach_m * np.sin(angle + np.array([0, 0, 1])) / np.sqrt(3))
 
 
-def pairs(reach_m: float, noise: float = 5e-4) -> list[Pair]:
+def pairs(reach_m: float, noise: float = 5e-4, count: int = POINTS) -> list[Pair]:
     """What neighbours in time both show, as their planes at distance 1."""
     rng = np.random.default_rng(4)
-    points, at = walls(rng), places(reach_m)
+    points, at = walls(rng, count), places(reach_m)
     planes, shown = [], []
     for k, turn in TURNS.items():
         own = (points - at[k]) @ turn
-        planes.append(own[:, :2] / -own[:, 2:] + rng.normal(0, noise, (POINTS, 2)))
+        planes.append(own[:, :2] / -own[:, 2:] + rng.normal(0, noise, (count, 2)))
         shown.append((own[:, 2] < 0) & (np.abs(planes[-1]) < HALF).all(1))
     found = []
     for i in range(PICTURES):
@@ -85,3 +85,26 @@ def test_the_focal_length_is_found() -> None:
     kept, one, _ = adjusted(matches, begun(), Free(scale=False, places=False))
     assert one == 1
     assert worst(kept) > worst(rotations)
+
+
+def open_turn(
+    reach_m: float, noise: float, points: int = POINTS, pictures: int = 15
+) -> tuple[list[Pair], dict[int, Rotation]]:
+    """Matches of the first pictures only, and rotations to begin with."""
+    turns = {k: turn for k, turn in begun().items() if k < pictures}
+    matches = pairs(reach_m, noise, points)
+    return [p for p in matches if max(p.first, p.second) < pictures and p.first < p.second], turns
+
+
+def test_of_an_open_turn_noise_makes_the_field_of_view_no_smaller() -> None:
+    matches, turns = open_turn(0.0, 3e-3, 20_000, PICTURES // 2)
+    rotations, scale, _ = adjusted(matches, turns, Free(scale=True, places=False))
+    assert abs(scale - 1) < 0.01
+    assert worst(rotations) < 1
+
+
+def test_a_small_step_in_an_open_turn_is_not_solved_for() -> None:
+    matches, turns = open_turn(0.05, 1e-3)
+    rotations, scale, _ = adjusted(matches, turns, Free(scale=True, places=True))
+    assert abs(scale - 1) < 0.005
+    assert worst(rotations) < 3

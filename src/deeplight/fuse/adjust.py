@@ -4,8 +4,13 @@ Nobody turns a phone about its lens. A camera that strays by c sees what lies at
 direction r moved to c / d + s r, and the part of c along r drops out: a step to the side looks like
 a rotation in the middle of the picture, and unlike one towards its edges. Solved for, it leaves the
 rotations alone. 1 / d is taken for a smooth function of the direction, as in a room; what stands
-out has parallax left, which the robust weights outvote. Where the camera did turn about one point
-all this would only fit noise, so it has to explain a part of what rotations leave.
+out has parallax left, which the robust weights outvote. Where the camera hardly strayed all this
+would only fit noise, and bend a turn that does not close, so it has to explain much of what
+rotations leave.
+
+Matches miss by parts of a pixel, and a smaller field of view makes pixels, and so all misses,
+smaller. So misses are compared in the pixels' size, not in angles: else noise makes every field of
+view too small, and a turn that does not close is off by as much.
 """
 
 from collections.abc import Sequence
@@ -27,7 +32,7 @@ _STRAY_SIGMA = 0.14  # of where the camera is, in mean distances of what it sees
 _DEPTH_SIGMA = 0.3  # of each harmonic of 1 / distance, whose mean is 1
 _DEPTH_ORDER = 3
 _DEPTHS = (_DEPTH_ORDER + 1) ** 2 - 1
-_EXPLAINED = 0.95  # of the residual of rotations alone may be left with strayed cameras
+_EXPLAINED = 0.6  # of the residual of rotations alone may be left with strayed cameras
 _FIRST_STAYS = 1e3
 _FARTHEST = 0.4  # from the origin, in mean distances
 _NEARNESS = (0.2, 2.4)
@@ -234,6 +239,7 @@ def _linear(
     """Slopes by the first picture's step, the second's, the scale and the depths; residuals."""
     slopes = np.zeros((*matches.counts.shape, 3, 13 + len(cameras.depths)))
     residual, nudged = np.zeros((2, *matches.counts.shape, 3))
+    noise = np.zeros(matches.counts.shape)
     for sign, first, at, plane in (
         (1, 0, matches.i, matches.one),
         (-1, 6, matches.j, matches.other),
@@ -241,6 +247,8 @@ def _linear(
         rays, points = cameras.points(at, plane)
         residual += sign * points
         nudged += sign * cameras.points(at, plane, _NUDGE)[1]
+        inwards = 1 / (1 + np.exp(2 * cameras.log_scale) * (plane**2).sum(-1))  # squared cosine
+        noise += (1.5 * inwards - 0.5) / 2  # d ln of a pixel's size, across and along the radius
         slopes[..., first : first + 3] = -sign * crosses(rays) @ cameras.turns[at, None]
         if not len(cameras.depths):
             continue
@@ -248,5 +256,5 @@ def _linear(
         slopes[..., first + 3 : first + 6] = sign * cameras.nearness(rays)[..., None, None] * across
         parallax = across @ cameras.places[at, None, :, None]
         slopes[..., 13:] += sign * parallax * cameras.harmonics(rays)[..., None, :]
-    slopes[..., 12] = (nudged - residual) / _NUDGE
+    slopes[..., 12] = (nudged - residual) / _NUDGE - noise[..., None] * residual
     return slopes, residual
