@@ -16,6 +16,7 @@ from deeplight.frames import rotation
 from deeplight.fuse import clip as clip_module
 from deeplight.fuse import fuse as fuse_module
 from deeplight.fuse.session import Session
+from deeplight.fuse.track import Tracked
 from deeplight.io.environment_file import read_environment
 from deeplight.io.photos import encode_jpeg, write_png
 from deeplight.io.video_writer import VideoWriter
@@ -105,6 +106,21 @@ def test_a_pose_file_that_does_not_fit_the_clip_is_said(
     words = ("--poses", tmp_path / "poses.json", "--fov", "66")
     assert fuse(tmp_path / "out", clip(tmp_path), *words) == 0
     assert word in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(("off_deg", "is_said"), [(0.3, False), (1.0, True)])
+def test_pictures_that_no_turning_explains_are_said(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    off_deg: float,
+    is_said: bool,
+) -> None:
+    turns = {k: pan().frames[k].rotation for k in range(3)}
+    found = Tracked(turns, 1.0, float(np.radians(off_deg)))
+    monkeypatch.setattr(fuse_module, "track", lambda *_: found)
+    assert fuse(tmp_path / "out", *photos(tmp_path, 3)) == 0
+    assert ("no turning fits the pictures" in capsys.readouterr().out) is is_said
 
 
 def test_photos_are_placed_by_what_they_show(tmp_path: Path) -> None:

@@ -76,6 +76,14 @@ def test_pictures_of_several_fields_of_view_are_placed_together() -> None:
     assert len(alike.rotations) < 5
 
 
+def test_stretched_pictures_miss_each_other() -> None:
+    pictures = [frame.pixels for frame in made_up_pans.pan(40, Troubles()).frames[:16]]
+    wide = [np.repeat(picture, 2, axis=1) for picture in pictures]
+    plain, stretched = (track(p, [FOV] * 16, fov_known=False) for p in (pictures, wide))
+    assert plain.residual_rad < np.radians(0.1)
+    assert stretched.residual_rad > np.radians(0.6)
+
+
 def test_a_picture_from_elsewhere_is_not_placed() -> None:
     pictures = [frame.pixels for frame in pan().frames[:5]]
     pictures.insert(2, np.random.default_rng(0).integers(0, 255, (320, 180, 3)).astype(np.uint8))

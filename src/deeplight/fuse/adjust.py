@@ -155,7 +155,7 @@ def adjusted(
 
     Returns:
         Rotations in the first picture's frame, the factor by which the plane's points were too
-        near its middle, and the median angle by which matches miss each other.
+        near its middle, and the median angle by which matches miss each other with rotations alone.
     """
     order = {number: place for place, number in enumerate(rotations)}
     used = [p for p in pairs if p.first in order and p.second in order]
@@ -169,7 +169,7 @@ def adjusted(
         strayed = replace(cameras, depths=np.zeros(_DEPTHS))
         strayed, left = _solved(strayed, matches, free.scale)
         if left < _EXPLAINED * residual:
-            cameras, residual = strayed, left
+            cameras = strayed
     turns = cameras.turns[0].T @ cameras.turns
     found = {number: turns[place] for number, place in order.items()}
     return found, float(np.exp(cameras.log_scale)), residual

@@ -27,6 +27,7 @@ from deeplight.io.kept_folder import KeptFolder
 from deeplight.io.photo_like import PhotoLike, as_photo
 
 _LEVEL_SPREAD = 0.02  # least spread of where cameras' right sides point, to find up from it
+_MISSES_RAD = radians(0.6)  # after a step of 30 cm in a room at most 0.37
 FRONT_FROM_BACK = rotation("y", np.pi)
 """The front camera looks the other way; what was to the right is to the left."""
 
@@ -198,10 +199,16 @@ def _placed(
         got = f"{len(frames)} pictures of which no two show the same thing"
         do = "turn slower so that neighbours overlap by a third, or give --poses"
         raise ImageFileError("pictures that overlap", got, do)
+    notes = []
+    if found.residual_rad > _MISSES_RAD:
+        off = f"{degrees(found.residual_rad):.1f} degrees"
+        notes.append(
+            f"no turning fits the pictures, off by {off}: wrong --fov, zoomed, stretched, walked?"
+        )
     if known:
-        return found.rotations, fovs, []
+        return found.rotations, fovs, notes
     fovs = [scaled(fov, found.scale) for fov in fovs]
-    return found.rotations, fovs, [unknown_fov(fovs[0], found=found.scale != 1)]
+    return found.rotations, fovs, [*notes, unknown_fov(fovs[0], found=found.scale != 1)]
 
 
 def _tracked(

@@ -46,7 +46,7 @@ class Tracked:
             be placed are missing. The first placed picture's frame is the world.
         scale: what tangents of half the fields of view are to be multiplied by, to fit best; 1 if
             they were known.
-        residual_rad: median angle by which matches miss each other.
+        residual_rad: median angle by which matches miss each other if the camera only turned.
     """
 
     rotations: dict[int, Rotation]
