@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from deeplight.fuse.session import Session
 from deeplight.fuse.track import Tracked
 from deeplight.io.environment_file import read_environment
 from deeplight.io.photos import encode_jpeg, write_png
+from deeplight.io.video import facts
 from deeplight.io.video_writer import VideoWriter
 from deeplight.mappings import latlong
 from deeplight.mappings.resample import sample_latlong, shrink_latlong, turned_latlong
@@ -180,6 +182,21 @@ def test_a_killed_run_goes_on_and_writes_the_same_bytes(
     assert sorted(p.name for p in killed.iterdir()) == sorted(p.name for p in whole.iterdir())
     for path in whole.iterdir():
         assert (killed / path.name).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize("claimed", [12, 24])
+def test_a_clip_of_which_much_is_damaged_is_said_to_be(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    claimed: int,
+) -> None:
+    film = clip(tmp_path)
+    known = replace(facts(film), frames=claimed)
+    monkeypatch.setattr(clip_module, "facts", lambda _: known)
+    assert fuse(tmp_path / "out", film) == 0
+    said = "12 of 24 frames are left out" in capsys.readouterr().out
+    assert said is (claimed == 24)
 
 
 def test_front_and_back_camera_look_opposite_ways(tmp_path: Path) -> None:

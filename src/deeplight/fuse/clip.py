@@ -7,7 +7,7 @@ process does it and when: several workers, or a run that goes on after a kill, f
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from deeplight.io.video import VideoFrame, facts, video_frames
 
 STRETCH_S = 10.0
 _ALL = "stretches"
+_WHOLE = 0.9  # of the frames that a file claims; cuts that hide some are no damage
 
 
 def clip_frames(path: Path, kept: KeptFolder | None, workers: int = 1) -> Iterator[SourceFrame]:
@@ -44,11 +45,22 @@ def clip_frames(path: Path, kept: KeptFolder | None, workers: int = 1) -> Iterat
         return
     if not kept.has(_ALL):
         _look_through(path, kept, workers)
+    numbers = _numbers(kept.arrays(_ALL))
+    notes = _missing(path, sum(_Stretch.kept(kept, number).count for number in numbers))
     count = 0
-    for number in _numbers(kept.arrays(_ALL)):
+    for number in numbers:
         stretch = _Stretch.kept(kept, number)
-        yield from stretch.frames(count)
+        for frame in stretch.frames(count):
+            yield replace(frame, notes=(*frame.notes, *notes))
         count += stretch.count
+
+
+def _missing(path: Path, frames: int) -> tuple[str, ...]:
+    """What to say of a clip in which so many frames were whole."""
+    claimed = facts(path).frames or 0
+    if frames > _WHOLE * claimed:
+        return ()
+    return (f"damaged: {claimed - frames} of {claimed} frames are left out",)
 
 
 @dataclass(frozen=True, eq=False)
