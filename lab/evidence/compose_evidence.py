@@ -43,6 +43,7 @@ from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.projection import ImagePlane
 from deeplight.estimators.protocol import Estimator
 from deeplight.estimators.sureness import glow_rad
+from deeplight.estimators.upright import guessed_tilt
 from deeplight.evaluate.baselines.suite import baselines_for
 from deeplight.harmonics import DominantLight, dominant_light
 from deeplight.io.photos import write_png
@@ -152,7 +153,8 @@ def as_users_get_it(model: NetworkEstimator, background: np.ndarray) -> Environm
     whole = model.contract
     plane = ImagePlane(-whole.right, whole.right, whole.bottom, whole.top)
     light = Lighting.from_log_radiance(log_radiance[0])
-    scene = assemble(light, background, plane, LATLONG_HEIGHT, lamps)
+    tilt = guessed_tilt(heads)
+    scene = assemble(light, background, plane, LATLONG_HEIGHT, lamps, tilt=tilt)
     glow = glow_rad(heads)
     return (scene if glow is None else scene.softened(glow)).environment
 
