@@ -58,8 +58,13 @@ def poses(folder: Path) -> Path:
     return path
 
 
-def fuse(out: Path, *words: str | Path) -> int:
-    return main(["fuse", *map(str, words), "--out", str(out), "--height", str(HEIGHT)])
+def fuse(out: Path, *words: str | Path, drawn: bool = False) -> int:
+    """Run the command; its preview is black unless it is to be `drawn`, which takes long."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not drawn:
+            black = np.zeros((8, 8, 3), np.uint8)
+            patch.setattr("deeplight.fuse.results.preview", lambda *_: black)
+        return main(["fuse", *map(str, words), "--out", str(out), "--height", str(HEIGHT)])
 
 
 def error(result: Path) -> float:
@@ -73,7 +78,7 @@ def test_a_clip_with_poses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     out = tmp_path / "out"
     session = tmp_path / "state.npz"
     words = ("--poses", poses(tmp_path), "--fov", "66", "--session", session)
-    assert fuse(out, clip(tmp_path), *words) == 0
+    assert fuse(out, clip(tmp_path), *words, drawn=True) == 0
     names = ["clip.exr", "clip.json", "clip.preview.png"]
     assert sorted(path.name for path in out.iterdir()) == names
     assert error(out / "clip.json") < 0.12
@@ -127,7 +132,7 @@ def test_pictures_that_no_turning_explains_are_said(
 
 def test_photos_are_placed_by_what_they_show(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    assert fuse(out, *photos(tmp_path, 5), "--fov", "66") == 0
+    assert fuse(out, *photos(tmp_path, 5), "--fov", "66", drawn=True) == 0
     assert error(out / "00.json") < 0.15
 
 
