@@ -5,11 +5,13 @@ import pytest
 
 from deeplight.camera import PinholeCamera
 from deeplight.estimators.continuation import continued
+from deeplight.estimators.environment import assemble
 from deeplight.estimators.projection import ImagePlane, ProjectedPhoto, project_photo
 from deeplight.estimators.surroundings import power_of
 from deeplight.estimators.upright import guessed_tilt
 from deeplight.frames import turned, world_from_camera
 from deeplight.io.tilt import Tilt
+from deeplight.lighting import Lighting
 from deeplight.mappings import latlong
 
 HEIGHT = 64
@@ -69,15 +71,28 @@ def test_the_less_the_pitch_is_known_the_less_goes_on():
     assert found[-1] < 1.05
 
 
-def test_power_stays_and_so_does_what_the_photo_shows():
+def test_the_power_of_what_the_photo_does_not_show_stays():
     rng = np.random.default_rng(3)
     surroundings = rng.uniform(0.05, 2, (HEIGHT, 2 * HEIGHT, 3)).astype(np.float32)
     photo = landscape(pose(-15))
     found = continued(surroundings, photo, held(-15))
-    shown = photo.seen == 1
-    np.testing.assert_allclose(found[shown], surroundings[shown], rtol=1e-5)
-    np.testing.assert_allclose(power_of(found), power_of(surroundings), rtol=1e-4)
-    assert np.abs(np.log(found[~shown] / surroundings[~shown])).mean() > 0.1
+    unseen = 1 - photo.seen_in_64_rows[..., None]
+    np.testing.assert_allclose(power_of(found * unseen), power_of(surroundings * unseen), rtol=1e-4)
+    assert np.abs(np.log(found / surroundings)).mean() > 0.1
+
+
+def test_next_to_the_photo_the_light_is_that_of_its_edge():
+    """Fitted twice, by the continuation and again at the edge, it would have a halo."""
+    bright = Lighting(np.full((32, 32, 3), 2.0, np.float32))
+    pixels = np.full((200, 120, 3), 100, np.uint8)
+    plane = ImagePlane.centred(200, 120, CAMERA.vertical_fov_rad)
+    scene = assemble(bright, pixels, plane, 128, tilt=held(0))
+    row, grey = 64, scene.rest[64, 128, 1]
+    beyond = np.flatnonzero(scene.seen[row] > 0)[-1] + 1
+    near = np.log(scene.rest[row, beyond : beyond + 5, 1] / grey)
+    assert near[0] < 0.1
+    assert near.min() > -0.02  # no darker ring before the bright light
+    assert scene.rest[row, 0, 1] > 2 * grey
 
 
 def test_the_flipped_photo_goes_on_flipped():

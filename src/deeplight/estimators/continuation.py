@@ -1,7 +1,7 @@
 """The photo continued all around, so that what it does not show looks like the same place.
 
 Floor, walls and ceiling of a room, ground, horizon and sky lie at much the same elevation on all
-sides. So the estimate is brought to the mean of the photo's level rows, row by row, whole next to
+sides. So the estimate is brought to the mean of the photo's level rows, row by row, wholly next to
 the photo and in part behind the camera; the lowest ground goes on to the feet, the highest sky to
 the zenith. What the estimate knows of left and right stays, and so does the power of what is not
 seen. Nothing but means goes on: things would come again as ghosts.
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from deeplight.estimators.projection import ProjectedPhoto, smoothstep
-from deeplight.estimators.surroundings import enlarged, kept_power, power_of
+from deeplight.estimators.surroundings import enlarged, power_of
 from deeplight.frames import VIEW, normalised
 from deeplight.io.tilt import Tilt
 from deeplight.mappings import latlong
@@ -53,10 +53,13 @@ class _Rows:
 def continued(
     surroundings: Float32[np.ndarray, "height width 3"], photo: ProjectedPhoto, tilt: Tilt
 ) -> Float32[np.ndarray, "height width 3"]:
-    """The surroundings brought to the photo's level rows, also where it does not look.
+    """The surroundings brought to the photo's level rows all around.
+
+    Also where the photo looks, so that its edge is compared with what goes on from it. Power of the
+    rest is kept.
 
     Args:
-        surroundings: linear radiance, camera frame; what lies where the photo looks stays.
+        surroundings: linear radiance, camera frame.
         photo: at as many rows or more.
         tilt: the camera's; the less it is known, the less goes on.
     """
@@ -69,19 +72,17 @@ def continued(
     if change is None:
         return surroundings
     trust = np.exp(-((tilt.scale_rad / DOUBT_RAD) ** 2) / 2)
-    near, far = (1 + trust) / 2, BEHIND * trust
     axes = np.stack([up, normalised(VIEW - (VIEW @ up) * up)], axis=1).astype(np.float32)
     upwards, ahead = np.moveaxis(latlong.directions(height, width) @ axes, -1, 0)
     first, part = _row_and_part(upwards, height)
-    unseen = 1 - enlarged(photo.seen_in_64_rows[..., None], height)
-    strength = np.float32(far) + np.float32(near - far) * ((1 + ahead) / 2) ** 2
-    strength *= unseen[..., 0]
+    near, far = np.float32((1 + trust) / 2), np.float32(BEHIND * trust)
+    strength = far + (near - far) * ((1 + ahead) / 2) ** 2
     factor = change.take(first, axis=0) * ((1 - part) * strength)[..., None]
     factor += change.take(first + 1, axis=0) * (part * strength)[..., None]
-    hidden = surroundings * unseen
-    result = kept_power(hidden * np.exp(factor, out=factor), power_of(hidden))
-    result += surroundings - hidden
-    return result
+    result = surroundings * np.exp(factor, out=factor)
+    unseen = 1 - enlarged(photo.seen_in_64_rows[..., None], height)
+    gain = power_of(surroundings * unseen) / np.maximum(power_of(result * unseen), 1e-30)
+    return result * gain.astype(np.float32)
 
 
 def _change(

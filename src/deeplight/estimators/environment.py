@@ -161,15 +161,17 @@ def assemble(
         raise ConfigError(f"fill of {', '.join(get_args(Fill))} or None", repr(fill), "correct it")
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
-    around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
+    smooth = around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
     goes_on = tilt if fill == "photo" else None
     if goes_on is not None:
         around = continued(around, photo, goes_on)
     rest = enlarged(adapted(around, photo.pixels, plane), height)
     box = photo.box
-    known, around = photo.radiance[box], rest[box]
-    known = known + photo.clipped[box] * np.maximum(around - known, 0) + found.areas[box]
-    rest[box] += (known - around) * photo.seen[box][..., None]
+    known, clipped = photo.radiance[box] + found.areas[box], photo.clipped[box]
+    if clipped.any():
+        least = enlarged(smooth, height)[box]
+        known += clipped * np.maximum(least - photo.radiance[box], 0)
+    rest[box] += (known - rest[box]) * photo.seen[box][..., None]
     if fill is None or fill == "photo":
         place = None if goes_on is None else ITSELF
         return SceneLight(rest, found.lamps, photo.seen, place, goes_on)

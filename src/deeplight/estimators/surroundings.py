@@ -29,7 +29,7 @@ _RING_CELLS = 24  # along the photo's shorter side: the outermost are its edge
 MAP_ROWS = 96
 """Rows at which the map is fitted to the photo; finer ones lie between these."""
 REACH_RAD = float(np.radians(52))
-"""So far from the photo's edge the map is adapted to it, by half at 15 degrees."""
+"""So far from the photo's edge the map is adapted to it, by half at 20 degrees."""
 _TILE = 4, 8  # texels of the map that are mixed at once
 _LEAST_WEIGHT = 1e-10  # of a texel's largest: the pixels of less are left out
 _BLAS_ALONE = 1 << 18  # multiplications of a product that OpenBLAS makes with one thread
@@ -167,7 +167,7 @@ def _reach(
     squared = texels[near] @ (-2 * edge.T).astype(np.float32)
     squared += 2
     away = 2 * np.arcsin(np.sqrt(squared.min(1).clip(0, 4)) / 2)
-    fade = smoothstep(1 - away / REACH_RAD) ** 3
+    fade = smoothstep(1 - away / REACH_RAD) ** 2
     spacing = plane.shorter / _RING_CELLS
     squared += np.float32(spacing**2 / 4)
     weight = np.sqrt(squared)

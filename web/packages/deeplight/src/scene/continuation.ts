@@ -4,14 +4,7 @@
  */
 import { CONTINUATION } from "../contract/generated.ts";
 import { dot, normalised, type Vector3 } from "../light/matrix.ts";
-import {
-  enlarged,
-  keepPower,
-  powerOf,
-  rowSolidAngles,
-  shrunk,
-  texelDirections,
-} from "../light/panorama.ts";
+import { enlarged, powerOf, rowSolidAngles, shrunk, texelDirections } from "../light/panorama.ts";
 import { type ProjectedPhoto, smoothstep } from "./image-plane.ts";
 
 const { BEHIND, DARKEST, DOUBT_RAD, EVERY, FADE_RAD, LEAST_OF_WIDEST } = CONTINUATION;
@@ -27,8 +20,8 @@ export interface Tilt {
 }
 
 /**
- * The map brought to the photo's level rows, also where it does not look; what lies where the photo
- * looks stays, and so does the power of the rest.
+ * The map brought to the photo's level rows all around, also where the photo looks; the power of the
+ * rest is kept.
  *
  * @param map linear radiance, camera frame, of `rows`.
  */
@@ -45,21 +38,24 @@ export function continued(
   const [near, far] = [(1 + trust) / 2, BEHIND * trust];
   const front = normalised([up[0] * up[2], up[1] * up[2], up[2] ** 2 - 1]);
   const seen = enlarged(shrunk(shown.seen, shown.height, SEEN_ROWS, 1), SEEN_ROWS, rows, 1);
-  const hidden = map.map((value, i) => value * (1 - seen[Math.floor(i / 3)]!));
-  const power = powerOf(hidden, rows);
+  const hidden = (whole: Float32Array) =>
+    powerOf(
+      whole.map((value, i) => value * (1 - seen[Math.floor(i / 3)]!)),
+      rows,
+    );
+  const result = map.slice();
   const directions = texelDirections(rows);
   for (let i = 0; i < map.length; i += 3) {
     const ahead = (1 + along(directions, i, front)) / 2;
-    const strength = (far + (near - far) * ahead ** 2) * (1 - seen[i / 3]!);
+    const strength = far + (near - far) * ahead ** 2;
     const [first, part] = rowAndPart(along(directions, i, up), rows);
     for (let c = 0; c < 3; c++) {
       const here = change[3 * first + c]! * (1 - part) + change[3 * first + 3 + c]! * part;
-      hidden[i + c]! *= Math.exp(here * strength);
+      result[i + c]! *= Math.exp(here * strength);
     }
   }
-  const result = keepPower(hidden, rows, power);
-  for (let i = 0; i < map.length; i++) result[i]! += map[i]! * seen[Math.floor(i / 3)]!;
-  return result;
+  const [was, is] = [hidden(map), hidden(result)];
+  return result.map((value, i) => value * (was[i % 3]! / Math.max(is[i % 3]!, 1e-30)));
 }
 
 /** Means along the level rows of a panorama, the highest first. */

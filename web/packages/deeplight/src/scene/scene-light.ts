@@ -35,13 +35,14 @@ export function sceneLight(
   const rows = mapRows(height);
   const smooth = smoothMap(found.rest, size, rows);
   const map = tilt ? continued(smooth, rows, shown, tilt) : smooth;
+  const least = enlarged(smooth, rows, height);
   const radiance = enlarged(adapted(map, rows, photo), rows, height).slice();
   for (let i = 0; i < radiance.length; i++) {
     const around = radiance[i]!;
     const seen = shown.seen[Math.floor(i / 3)]!;
     if (seen === 0) continue;
     const known = shown.radiance[i]!;
-    const bound = known + shown.clipped[i]! * Math.max(around - known, 0) + found.areas[i]!;
+    const bound = known + shown.clipped[i]! * Math.max(least[i]! - known, 0) + found.areas[i]!;
     radiance[i] = around + (bound - around) * seen;
   }
   addLamps(radiance, found.lamps, height);

@@ -168,7 +168,7 @@ export function adapted(map: Float32Array, rows: number, photo: PlacedPhoto): Fl
     const texel: Vector3 = [texels[i]!, texels[i + 1]!, texels[i + 2]!];
     if (!(dot(texel, middle) > farthest)) continue;
     const { mean, away } = meanRatio(edge, texel, softness);
-    const fade = smoothstep(1 - away / REACH_RAD) ** 3;
+    const fade = smoothstep(1 - away / REACH_RAD) ** 2;
     for (let c = 0; c < 3; c++) {
       // Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
       const ln = mean[c]!;
