@@ -1,15 +1,26 @@
 /** The three spheres and the environment in the estimated light, as the camera would show them. */
-import { type Light, type Matrix3x3, type SphereName, transposed } from "deeplight/core";
+import {
+  IDENTITY,
+  type Light,
+  type Lighting,
+  type Matrix3x3,
+  type SphereName,
+  transposed,
+} from "deeplight/core";
 import { box, canvas } from "./elements.ts";
+import { mirrorBall } from "./mirror-ball-image.ts";
 import { panoramaImage } from "./panorama-image.ts";
 import { prepareSpheres } from "./prepare-spheres.ts";
 
 const BALLS: readonly (readonly [SphereName, string])[] = [
-  ["mirror", "ball-mirror"],
   ["matte_silver", "ball-silver"],
   ["diffuse", "ball-diffuse"],
 ];
-const PANORAMA_HEIGHT = 64;
+/** Pixels of a fine screen. */
+const MIRROR_SIZE = 112;
+const PANORAMA_HEIGHT = 128;
+/** Where nothing finer is known than the network's ball. */
+const COARSE_HEIGHT = 64;
 /** A drawing takes some milliseconds of the view's time, so a live one is not drawn for every frame. */
 const REST_MS = 120;
 
@@ -50,6 +61,7 @@ export class LightPanel {
       this.drawn = this.latest;
       const { lighting: own } = light;
       const lighting = worldFromCamera ? own.turned(transposed(worldFromCamera)) : own;
+      paint("ball-mirror", mirrorImage(light, lighting, worldFromCamera ?? IDENTITY));
       for (const [sphere, id] of BALLS) {
         paint(id, lighting.sphere(sphere));
         await rest(REST_MS / 4);
@@ -61,10 +73,16 @@ export class LightPanel {
   }
 }
 
+function mirrorImage({ panorama }: Light, coarse: Lighting, worldFromCamera: Matrix3x3): ImageData {
+  if (!panorama) return coarse.sphere("mirror");
+  return new ImageData(mirrorBall(panorama, worldFromCamera, MIRROR_SIZE), MIRROR_SIZE);
+}
+
 function panoramaAhead(light: Light, worldFromCamera: Matrix3x3 | null): ImageData {
   const m = worldFromCamera;
   const heading = m ? Math.atan2(-m[2], m[8]) : 0;
-  return panoramaImage(light, PANORAMA_HEIGHT, 0.5 - heading / (2 * Math.PI));
+  const rows = light.panorama ? PANORAMA_HEIGHT : COARSE_HEIGHT;
+  return panoramaImage(light, rows, 0.5 - heading / (2 * Math.PI));
 }
 
 function paint(id: string, picture: ImageData): void {

@@ -21,8 +21,14 @@ export { addLamps, type Lamp } from "./light/lamp.ts";
 export { Lighting } from "./light/lighting.ts";
 export type { MainLight } from "./light/main-light.ts";
 export * from "./light/matrix.ts";
-export { coverage, nearestLit, pixelOfDirection, subpixels } from "./light/mirror-ball.ts";
-export { ballFromPanorama, rowSolidAngles, texelDirections } from "./light/panorama.ts";
+export {
+  coverage,
+  nearestLit,
+  pixelDirection,
+  pixelOfDirection,
+  subpixels,
+} from "./light/mirror-ball.ts";
+export { ballFromPanorama, rowSolidAngles, sampled, texelDirections } from "./light/panorama.ts";
 export { Smoother } from "./light/smoother.ts";
 export { type Basis, keepBasis, makeBasis, SPHERES, type SphereName } from "./light/spheres.ts";
 export { Light } from "./light.ts";
