@@ -125,11 +125,26 @@ def test_an_unknown_verb_is_met_with_a_suggestion(capsys: pytest.CaptureFixture[
     assert main([]) == 2
 
 
-def test_an_unknown_flag_exits_2(verb: Callable[[Run], None]) -> None:
-    verb(lambda args: None)
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["estimate", "photo.jpg", "--fill", "nonsense"], "'indoor'"),
+        (["estimate", "photo.jpg", "--fil", "none"], "meant: --fill"),
+        (["estimate", "photo.jpg", "--height", "tall"], "--height"),
+        (["convert"], "Missing from deeplight convert: --out"),
+        (["convert", "--no-such-flag"], "--no-such-flag"),
+    ],
+)
+def test_an_argument_that_cannot_be_is_one_line(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as left:
-        main(["fake", "--no-such-flag"])
+        main(words)
     assert left.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"deeplight {words[0]}: ")
+    assert said in line
+    assert line.endswith(f"; see deeplight {words[0]} --help")
 
 
 def test_help_shows_the_module_docstring(

@@ -3,11 +3,13 @@
 Exit code 0: done. 2: bad input, one line on stderr. 1: a bug, with its traceback. 130: interrupted.
 """
 
+import contextlib
 import importlib
 import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
+from io import StringIO
 from types import ModuleType
 
 from deeplight.cli.stopping import Stopped, stopping
@@ -128,7 +130,22 @@ def _parse(module: ModuleType, program: str, words: list[str]) -> object:
     """Turn the words into the verb's `Args`; a wrong flag or --help leaves by SystemExit."""
     import tyro  # here, since `deeplight --help` does not need it
 
-    return tyro.cli(module.Args, args=words, prog=program, description=module.__doc__)
+    said = StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.cli(module.Args, args=words, prog=program, description=module.__doc__)
+    except SystemExit as leaving:
+        if leaving.code:
+            _complain(program, f"{_gist(said.getvalue())}; see {program} --help")
+        raise
+
+
+def _gist(box: str) -> str:
+    """What the box that tyro draws around a complaint says, without the help texts in it."""
+    inside = [line.strip("│")[1:].rstrip() for line in box.splitlines() if line.startswith("│")]
+    kept = [line for line in inside if not line.startswith((" " * 8, "─"))]
+    end = next((n for n, line in enumerate(kept) if "helptext" in line), len(kept))
+    return " ".join(" ".join(kept[:end]).split()).rstrip(".") or box
 
 
 def describe_os_error(error: OSError) -> str:
