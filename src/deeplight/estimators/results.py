@@ -133,7 +133,7 @@ def _elsewhere(scene: SceneLight) -> dict[str, Any]:
     if scene.detail_of is None:
         return {"elsewhere": "estimated"}
     if scene.detail_of == ITSELF:
-        return {"elsewhere": "estimated, its detail the photo's, continued"}
+        return {"elsewhere": "estimated, brought to the means of the rows that the photo shows"}
     return {"elsewhere": "estimated, its detail invented", "detail_of": scene.detail_of}
 
 

@@ -56,7 +56,7 @@ def clip_frames(path: Path, kept: KeptFolder | None, workers: int = 1) -> Iterat
 
 
 def _missing(path: Path, frames: int) -> tuple[str, ...]:
-    """What to say of a clip in which so many frames were whole."""
+    """What to say of a clip of which this number of frames were whole."""
     claimed = facts(path).frames or 0
     if frames > _WHOLE * claimed:
         return ()
