@@ -284,6 +284,12 @@ def test_the_clips_say_which_camera_they_are_of(root, tmp_path, capfd):
     assert "Acme 0 and Acme 1" in capfd.readouterr().err
 
 
+def test_without_clips_it_says_so(tmp_path, capfd):
+    assert main(["calibrate", "--out", str(tmp_path / "a.onnx")]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "expected clips of the spheres" in line
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

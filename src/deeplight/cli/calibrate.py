@@ -55,6 +55,8 @@ def run(args: Args) -> None:
 
     if args.out.suffix.lower() != ".onnx":
         raise ConfigError("--out FILE.onnx", f"{args.out}", "correct it")
+    if not args.clips:
+        raise ConfigError("clips of the spheres, or data sets of them", "none", "name them")
     data = [path for path in args.clips if (path / MANIFEST).is_file()]
     videos = [path for path in args.clips if path not in data]
     if videos:
