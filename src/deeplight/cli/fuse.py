@@ -169,7 +169,7 @@ def _fused(
     elif all(frame.world_from_camera is not None for frame in frames):
         refuse_unused(args, "with panoramas, which say it themselves", "fov")
     front = None if args.front is None else frame_of(read_photo(args.front), args.front.name, -1)
-    asked = _place(frames, args.frame, is_clip=kept is not None or is_video(paths[0]))
+    asked = _place(frames, args.frame, is_video(paths[0]), posed=poses is not None)
     settings = FuseSettings(None, asked, args.level, args.height)
     fused = fuse_frames(frames, estimator, settings, front, kept)
     tool = TOOLS.get(args.made_for or "")
@@ -207,10 +207,14 @@ def _upright(path: Path) -> bool:
     return height > width
 
 
-def _place(frames: Sequence["SourceFrame"], number: int | None, is_clip: bool) -> int | None:
+def _place(
+    frames: Sequence["SourceFrame"], number: int | None, is_clip: bool, posed: bool
+) -> int | None:
     """The place of a photo among those used; of a clip's frame, that of the nearest one."""
     from deeplight.errors import ConfigError, ImageFileError
 
+    if not frames and not posed:
+        raise ImageFileError("usable photos", "none", "give others")
     if not frames:
         raise ImageFileError("frames with a pose", "none", "check the pose file's times or numbers")
     if number is None:

@@ -52,6 +52,8 @@ def read_frames(
     for path in paths:
         try:
             of_path = _of_photo(path, number, is_alone=poses is None and len(paths) == 1)
+            if poses is None and _has_turns(found) and _has_turns(of_path):
+                raise ConfigError("one panorama", f"another, {path}", "fuse them one by one")
         except (InputError, OSError) as error:
             if on_failure is None or len(paths) == 1:
                 raise
@@ -75,6 +77,11 @@ def _of_photo(path: Path, number: int, is_alone: bool) -> list[SourceFrame]:
         SourceFrame(path.name, pixels, number + k, 0.0, fov, 0.0, turn, notes)
         for k, (pixels, fov, turn) in enumerate(panorama_frames(path, whole))
     ]
+
+
+def _has_turns(frames: Sequence[SourceFrame]) -> bool:
+    """Whether some are parts of a panorama, whose turns are in a world of its own."""
+    return any(frame.world_from_camera is not None for frame in frames)
 
 
 def thinned(source: Iterator[SourceFrame]) -> list[SourceFrame]:
