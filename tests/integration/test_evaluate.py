@@ -96,10 +96,10 @@ def short_fit(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(autouse=True)
 def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Intervals from 100 draws of places; tests/unit/test_bootstrap.py looks at theirs."""
+    """Intervals from 40 draws of places; tests/unit/test_bootstrap.py looks at theirs."""
 
     def few(places: np.ndarray, _: int) -> PlaceBootstrap:
-        return PlaceBootstrap(places, 100)
+        return PlaceBootstrap(places, 40)
 
     for module in ("summary", "temporal"):
         monkeypatch.setattr(f"deeplight.evaluate.{module}.PlaceBootstrap", few)

@@ -122,7 +122,10 @@ def workshop(shared: Path) -> np.ndarray:
     return panorama * np.float32(0.3 / np.median(panorama.mean(axis=-1)))
 
 
-@pytest.fixture(scope="module", params=["made_up_place", "workshop"])
+@pytest.fixture(
+    scope="module",
+    params=["made_up_place", pytest.param("workshop", marks=pytest.mark.slow)],
+)
 def place(request: pytest.FixtureRequest, silver_furnace: np.ndarray) -> Any:
     """A panorama's three spheres by Mitsuba, and by us: for a size of the light, and flipped."""
     panorama = request.getfixturevalue(request.param)
