@@ -11,12 +11,13 @@ from PIL import Image
 
 import motion_tracks
 from deeplight.cli.main import main
+from deeplight.estimators.preview import SPHERE, WIDTH
 from deeplight.fuse import clip as clip_module
 from deeplight.fuse import fuse as fuse_module
 from deeplight.fuse.session import Session
 from deeplight.fuse.track import Tracked
 from deeplight.io.environment_file import read_environment
-from deeplight.io.photos import write_png
+from deeplight.io.photos import read_photo, write_png
 from deeplight.io.video import facts
 from deeplight.io.video_writer import VideoWriter
 from deeplight.mappings.resample import shrink_latlong, turned_latlong
@@ -185,17 +186,28 @@ def test_a_clip_of_which_much_is_damaged_is_said_to_be(
     assert said is (claimed == 24)
 
 
-def test_front_and_back_camera_look_opposite_ways(tmp_path: Path) -> None:
+def test_front_and_back_camera_look_opposite_ways(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     write_png(tmp_path / "back.png", np.full((320, 180, 3), (150, 90, 90), np.uint8))
     write_png(tmp_path / "front.png", np.full((320, 180, 3), (90, 90, 150), np.uint8))
     out = tmp_path / "out"
-    assert fuse(out, tmp_path / "back.png", "--front", tmp_path / "front.png") == 0
+    assert fuse(out, tmp_path / "back.png", "--front", tmp_path / "front.png", drawn=True) == 0
+    assert "1 frame and the front photo front.png" in capsys.readouterr().out
+    for color, is_shown in (((150, 90, 90), True), ((90, 90, 150), True), ((90, 150, 90), False)):
+        assert shown(out / "back.preview.png", color) is is_shown
     found = read_environment(out / "back.json")
     assert found.seen is not None
     ahead, behind = found.radiance[HEIGHT // 2, HEIGHT], found.radiance[HEIGHT // 2, 0]
     assert ahead[0] > 1.5 * ahead[2]
     assert behind[2] > 1.5 * behind[0]
     assert found.seen[HEIGHT // 2, [0, HEIGHT, HEIGHT // 2]].tolist() == [1, 1, 0]
+
+
+def shown(preview: Path, color: tuple[int, int, int]) -> bool:
+    """Whether a frame of one colour is among those that a preview shows."""
+    frames = read_photo(preview).pixels[-SPHERE:, : WIDTH // 3]
+    return bool((frames == color).all(-1).sum() > 1000)
 
 
 def test_a_level_light_has_up_at_the_top(

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from deeplight.camera import PinholeCamera
+from deeplight.compose.composite import composite
 from deeplight.compose.follow import Follower, turned_to
 from deeplight.compose.ground import Viewpoint
-from deeplight.compose.look import blurred
-from deeplight.compose.trace import Quality
+from deeplight.compose.look import Look, blurred
+from deeplight.compose.panned import seen_from, widened
+from deeplight.compose.trace import Layers, Quality
 from deeplight.frames import turned
 from deeplight.mappings import resample
 
@@ -53,6 +55,19 @@ def test_the_turned_camera_sees_the_point_where_it_should(x: float, y: float) ->
     assert abs(now.pitch_rad - VIEW.pitch_rad) < 0.4
     assert abs(now.yaw_rad) < 0.4
     assert now.roll_rad == VIEW.roll_rad
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.9, np.pi])
+def test_an_object_out_of_the_picture_leaves_the_photo_as_it_is(yaw: float) -> None:
+    rendered = widened(VIEW)
+    crop = (150, 250, 170, 280)
+    size = crop[3] - crop[1], crop[2] - crop[0]
+    dark = np.zeros((*size, 3), np.float32)
+    layers = Layers(crop, dark, np.ones(size, np.float32), dark)
+    now = replace(VIEW, yaw_rad=yaw)
+    photo = np.full((240, 160, 3), 90, np.uint8)
+    made = composite(photo, seen_from(layers, rendered, now), Look(1.0, np.zeros((3, 3))))
+    assert (made.pixels == photo).all() == (yaw > 0)
 
 
 def test_a_video_gives_a_video_and_a_killed_run_goes_on(

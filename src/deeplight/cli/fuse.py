@@ -96,9 +96,10 @@ def run(args: Args) -> None:
     made = ", ".join([str(files[0]), *(file.name for file in files[1:])])
     console.print(escape(f"{_named(paths)} -> {made}"))
     count = len(fused.placed)
-    seen = (
-        f"{count} frame{'s' * (count > 1)}, {seen_share(fused.environment):.0%} of the sphere seen"
-    )
+    used = f"{count} frame{'s' * (count > 1)}"
+    if fused.front is not None:
+        used += f" and the front photo {fused.front.name}"
+    seen = f"{used}, {seen_share(fused.environment):.0%} of the sphere seen"
     dropped = [f"could not be placed: {', '.join(f.name for f in fused.dropped)}"]
     for note in (seen, *(dropped if fused.dropped else ()), *notes, *fused.notes):
         console.print(f"  [dim]{escape(note)}[/dim]")

@@ -51,6 +51,8 @@ def composite(
         response: how the camera turned radiance into pixels.
         seed: of the grain.
     """
+    if not layers.cover.size:  # out of the picture
+        return Composite(np.array(photo), layers)
     layers = _softened(layers, look.blur_px)
     left, top, right, bottom = layers.crop
     plate = photo[top:bottom, left:right]

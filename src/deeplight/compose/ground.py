@@ -4,7 +4,7 @@ World frame of this folder: +Y is up, the plane is y = 0, the camera stands at (
 its view, but for pitch, is along -Z. Metres; only ratios of lengths change the picture.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -88,3 +88,18 @@ class Viewpoint:
         seen = np.where(seen[:, 2:] < -1e-6, seen, np.nan)
         row, column = self.camera.pixel_of_directions(seen)
         return np.stack([column + 0.5, row + 0.5], axis=-1)
+
+
+def viewpoint_turned(viewpoint: Viewpoint, world_from_camera: Rotation) -> Viewpoint:
+    """The camera at its place, turned so: `Viewpoint.world_from_camera` inverted.
+
+    Raises:
+        ConfigError: that camera would lie on its side or upside down.
+    """
+    turn = world_from_camera
+    return replace(
+        viewpoint,
+        yaw_rad=float(np.arctan2(turn[0, 2], turn[2, 2])),
+        pitch_rad=float(-np.arcsin(np.clip(turn[1, 2], -1, 1))),
+        roll_rad=float(np.arctan2(turn[1, 0], turn[1, 1])),
+    )

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
+from deeplight.compose.camera_turn import CameraTurn, named_ranges
 from deeplight.compose.compose import ComposeSettings, Item, matched, placed, scene_of
 from deeplight.compose.composite import composite
-from deeplight.compose.follow import Follower, turned_to
 from deeplight.compose.gravity import CameraPlacement, camera_tilt, viewpoint_of
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.kept_frames import KeptFrames
@@ -75,14 +75,16 @@ def compose_video(
     size = first.luma.shape[1] // 2 * 2, first.luma.shape[0] // 2 * 2  # codecs want even sides
     lights = _watched(film, video) if light is None else None
     solids = film.scene.solids
+    camera = CameraTurn(film.scene.viewpoint, film.anchor)
     kept = KeptFrames(out, _made_of(video, solids, items, settings, placement, light, gain))
     with VideoWriter(out, *size, known.rate_hz or 30.0) as writer:
-        lit = _frames(film, chain([first], source), lights, kept)
+        lit = _frames(film, camera, chain([first], source), lights, kept)
         for number, (time_s, pixels) in enumerate(lit, 1):
             writer.write(pixels[: size[1], : size[0]], time_s)
             progress(number, known.frames)
     kept.remove()
-    return film.notes
+    lost = named_ranges(camera.lost)
+    return (*film.notes, *([f"camera lost, taken to stand still: frames {lost}"] if lost else []))
 
 
 def _made_of(video: Path, *made_from: object) -> bytes:
@@ -112,7 +114,6 @@ class _Shot:
     gain: np.float32
     scene: Scene
     look: Look
-    stands_at: tuple[float, float]
     anchor: np.ndarray
     notes: tuple[str, ...]
 
@@ -137,7 +138,6 @@ def _begin(
     scene, limited = scene_of(photo.pixels, light, viewpoint, solids, settings)
     low, high = solids[0].vertices.min(0), solids[0].vertices.max(0)
     anchor = (low + high) / 2 * [1, 0, 1]
-    x, y = viewpoint.pixels(anchor[None])[0]
     return _Shot(
         settings,
         estimator,
@@ -145,7 +145,6 @@ def _begin(
         factor,
         scene,
         matched(photo.pixels, settings),
-        (float(x), float(y)),
         anchor,
         (*estimate.notes, *assumed, *notes, *limited),
     )
@@ -235,21 +234,11 @@ def _watched(film: _Shot, video: Path) -> Lights:
         logs: np.ndarray = np.log(np.maximum(radiance, _DARKEST))
         return logs
 
-    frames = ((still.rgb(), now.world_from_camera) for still, now in _followed(film, video))
+    camera = CameraTurn(film.scene.viewpoint, film.anchor)
+    frames = (
+        (still.rgb(), camera.update(still.luma).world_from_camera) for still in video_frames(video)
+    )
     return gathered_lights(Session(fov_rad, estimate), frames)
-
-
-def _followed(
-    film: _Shot, source: Path | Iterator[VideoFrame]
-) -> Iterator[tuple[VideoFrame, Viewpoint]]:
-    """Frames, and from where each was taken."""
-    stills = video_frames(source) if isinstance(source, Path) else source
-    now, follower = film.scene.viewpoint, None
-    for still in stills:
-        luma = still.luma.astype(np.float32)
-        follower = follower or Follower(luma, *film.stands_at)
-        now = turned_to(now, film.anchor, *follower.update(luma))
-        yield still, now
 
 
 class _Standing:
@@ -292,12 +281,16 @@ class _Standing:
 
 
 def _frames(
-    film: _Shot, source: Iterator[VideoFrame], lights: Lights | None, kept: KeptFrames
+    film: _Shot,
+    camera: CameraTurn,
+    source: Iterator[VideoFrame],
+    lights: Lights | None,
+    kept: KeptFrames,
 ) -> Iterator[tuple[float, UInt8[np.ndarray, "height width 3"]]]:
     """Time and pixels of every finished frame."""
     standing = _Standing(film, lights)
-    for number, (still, now) in enumerate(_followed(film, source)):
-        pixels = still.rgb()
+    for number, still in enumerate(source):
+        pixels, now = still.rgb(), camera.update(still.luma)
         standing.turn(number, now)
         finished = kept.find(number, pixels)
         if finished is None:

@@ -65,6 +65,7 @@ class Fused:
         vertical_fov_rad: as used, of the frame whose camera the light is in.
         notes: what the user should know.
         session: everything, to go on with.
+        front: the front camera's photo that went into it as well.
     """
 
     environment: Environment
@@ -75,6 +76,7 @@ class Fused:
     vertical_fov_rad: float
     notes: tuple[str, ...]
     session: Session
+    front: SourceFrame | None = None
 
 
 def fuse_views(
@@ -175,6 +177,7 @@ def fuse_frames(
         fov,
         (*notes, *dict.fromkeys(note for frame in frames for note in frame.notes)),
         session,
+        front,
     )
 
 

@@ -129,10 +129,10 @@ def _thumbnails(
     room: int,
     font: ImageFont.ImageFont | ImageFont.FreeTypeFont,
 ) -> None:
-    """Dropped frames first, because they are what one has to look at."""
+    """Dropped frames first, because they are what one has to look at, then the front photo."""
     x, draw = MARGIN, ImageDraw.Draw(canvas)
     step = max(1, len(fused.placed) // _MOST_THUMBS)
-    used = fused.placed[::step]
+    used = ((fused.front,) if fused.front else ()) + fused.placed[::step]
     for frame, dropped in [(f, True) for f in fused.dropped[:4]] + [(f, False) for f in used]:
         rows, columns, _ = frame.pixels.shape
         size = (max(1, round(columns * _THUMB_ROWS / rows)), _THUMB_ROWS)
@@ -146,6 +146,8 @@ def _thumbnails(
     text = f"{len(fused.placed)} frame{'s' * (len(fused.placed) != 1)} placed"
     if fused.dropped:
         text += f", {len(fused.dropped)} could not be (outlined)"
+    if fused.front:
+        text += ", and the front photo"
     draw.text((MARGIN, top + _THUMB_ROWS + 6), text, FAINT, font)
 
 

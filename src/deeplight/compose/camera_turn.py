@@ -1,0 +1,102 @@
+"""How the camera turns through a video: by the object's place, or by all that is seen.
+
+While the object's place is in the picture it is followed to a part of a pixel (`follow`). Out of it
+nothing there can be followed, so features of each frame are matched with the first frame's, which
+ends all drift when a turn closes, or else with those of the last frame that opened a new view.
+"""
+
+from collections.abc import Sequence
+from itertools import groupby
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from deeplight.compose.follow import Follower, turned_to
+from deeplight.compose.ground import Viewpoint, viewpoint_turned
+from deeplight.errors import ConfigError
+from deeplight.frames import Rotation
+from deeplight.fuse.poses import angle_between
+from deeplight.fuse.track import Features, features_of, matched
+
+_NEW_VIEW_RAD = np.radians(8)  # from the one before it; nearer ones would only add drift
+_BACK = 0.1  # of the shorter side: so far inside the picture a place is followed again
+
+
+class CameraTurn:
+    """The camera of each frame, the first one's known.
+
+    Attributes:
+        lost: numbers of frames, from 0, that match nothing: the camera stays where it was.
+    """
+
+    def __init__(self, first: Viewpoint, anchor: Float[np.ndarray, "3"]) -> None:
+        """Begin before the first frame; `anchor`: the object's place in the world."""
+        self.lost: list[int] = []
+        self._first = self._now = first
+        self._anchor = anchor
+        self._frames = 0
+        self._follower: Follower | None = None
+        self._views: list[tuple[Features, Rotation]] = []  # the first frame, the last new view
+
+    def update(self, luma: UInt8[np.ndarray, "height width"]) -> Viewpoint:
+        """The camera of the next frame."""
+        number, self._frames = self._frames, self._frames + 1
+        if number == 0:
+            self._views = [(self._features(luma), self._first.world_from_camera)]
+            self._follow(luma)
+            return self._first
+        if self._follower is not None:
+            x, y = self._follower.update(luma.astype(np.float32))
+            if self._inside(x, y, 0):
+                self._now = turned_to(self._now, self._anchor, x, y)
+                return self._now
+            self._follower = None
+        found = self._found(self._features(luma))
+        if found is None:
+            self.lost.append(number)
+        else:
+            self._now, by_first = found
+            if by_first and self._inside(*self._place(), _BACK):
+                self._follow(luma)
+        return self._now
+
+    def _follow(self, luma: UInt8[np.ndarray, "height width"]) -> None:
+        self._follower = Follower(luma.astype(np.float32), *self._place())
+
+    def _place(self) -> tuple[float, float]:
+        x, y = self._now.pixels(self._anchor[None])[0]  # nan behind the camera: nowhere inside
+        return float(x), float(y)
+
+    def _inside(self, x: float, y: float, margin: float) -> bool:
+        width, height = self._first.camera.width, self._first.camera.height
+        edge = margin * min(width, height)
+        return edge <= x <= width - edge and edge <= y <= height - edge
+
+    def _features(self, luma: UInt8[np.ndarray, "height width"]) -> Features:
+        grey = np.broadcast_to(luma[..., None], (*luma.shape, 3))
+        return features_of(grey, self._first.camera.tangents[1])
+
+    def _found(self, features: Features) -> tuple[Viewpoint, bool] | None:
+        """The camera of these features, and whether the first frame says it, so without drift."""
+        for number, (view, world_from_view) in enumerate(self._views):
+            pair = matched([view, features], 0, 1)
+            if pair is None:
+                continue
+            turn = world_from_view @ pair.first_from_second
+            try:
+                found = viewpoint_turned(self._first, turn)
+            except ConfigError:  # on its side or upside down: nobody holds a camera so
+                continue
+            if angle_between(self._views[-1][1], turn) > _NEW_VIEW_RAD:
+                self._views[1:] = [(features, turn)]
+            return found, number == 0
+        return None
+
+
+def named_ranges(numbers: Sequence[int]) -> str:
+    """Ascending numbers, in words: "3-5, 8"."""
+    runs = [
+        [number for _, number in group]
+        for _, group in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0])
+    ]
+    return ", ".join(f"{r[0]}-{r[-1]}" if len(r) > 1 else f"{r[0]}" for r in runs)
