@@ -31,7 +31,7 @@ class Args:
     material: Annotated[tuple[str, ...], conf.UseAppendAction] = ()
     """diffuse (grey, 34.5 %), silver (matte, 49.9 %), mirror, plastic, file (the file's own)."""
     at: Annotated[tuple[tuple[float, float], ...], conf.UseAppendAction] = ()
-    """Pixel x y where it stands. Default: the lower middle."""
+    """Pixel x y where it stands. Default: the freest patch of floor."""
     size: Annotated[tuple[float, ...], conf.UseAppendAction] = ()
     """Longest side in metres. Default: 30 % of the photo's shorter side, whatever that is."""
     turn: Annotated[tuple[float, ...], conf.UseAppendAction] = ()
