@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 from pathlib import Path, PurePosixPath
 from types import ModuleType
 
@@ -39,6 +40,36 @@ def test_every_link_of_the_site_leads_to_a_page(site: ModuleType, root: Path) ->
     assert dead(site, "[no page](nowhere.md)", "README.md", files) == ["nowhere.md"]  # the twin
     shelves = (root / "mkdocs.yml").read_text()
     assert [uri for uri in pages if f" {uri}\n" not in shelves] == []
+
+
+def headings(text: str) -> set[str]:
+    """What a link into a page may name after its #."""
+    markdown = pytest.importorskip("markdown")  # comes with tensorboard
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    lines = "\n\n".join(line for line in prose.splitlines() if line.startswith("#"))
+    return set(re.findall(r' id="([^"]+)"', markdown.markdown(lines, extensions=["toc"])))
+
+
+def without_heading(site: ModuleType, text: str, page: Path) -> list[str]:
+    """Links of a page to headings that no page has."""
+    links = (link["to"] for p in site._CODE.split(text)[::2] for link in site._LINK.finditer(p))
+    lost = []
+    for link in links:
+        place, _, heading = link.partition("#")
+        target = page.parent / place if place else page
+        if ":" not in link and heading and target.suffix == ".md":
+            there = text if target == page else target.read_text("utf-8")
+            lost += [link] * (heading not in headings(there))
+    return lost
+
+
+def test_every_link_into_a_page_leads_to_a_heading(site: ModuleType, root: Path) -> None:
+    pages = [*(root / "docs").rglob("*.md"), *(root / place for place in site.MORE_PAGES)]
+    found = {page.name: without_heading(site, page.read_text("utf-8"), page) for page in pages}
+    assert {name: lost for name, lost in found.items() if lost} == {}
+    here = root / "docs" / "compose.md"
+    twin = "[a](#nowhere) [b](estimate.md#nowhere) [c](estimate.md#speed)"
+    assert without_heading(site, twin, here) == ["#nowhere", "estimate.md#nowhere"]
 
 
 @pytest.mark.parametrize(
