@@ -1,6 +1,6 @@
 """After a full turn of the camera an object stands where it stood."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -52,10 +52,12 @@ def views() -> list[Viewpoint]:
     ]
 
 
-def pictures() -> Iterator[np.ndarray]:
-    for view in views():
-        rays = turned(TRUE.camera.rays(), view.world_from_camera).astype(np.float32)
-        yield resample.sample_latlong(panorama(), rays)[..., 0].astype(np.uint8)
+@lru_cache
+def pictures() -> list[np.ndarray]:
+    """What is seen on the way."""
+    rays = [turned(TRUE.camera.rays(), view.world_from_camera) for view in views()]
+    seen = [resample.sample_latlong(panorama(), ray.astype(np.float32)) for ray in rays]
+    return [picture[..., 0].astype(np.uint8) for picture in seen]
 
 
 def true_places() -> np.ndarray:
@@ -69,7 +71,7 @@ def believed(pitch_deg: float, fov_deg: float) -> Viewpoint:
     return Viewpoint(PinholeCamera(180, 240, np.radians(fov_deg)), 1.4, np.radians(pitch_deg))
 
 
-def composed(first: Viewpoint, frames: Iterator[np.ndarray]) -> tuple[np.ndarray, list[int]]:
+def composed(first: Viewpoint, frames: Iterable[np.ndarray]) -> tuple[np.ndarray, list[int]]:
     """Where an object would be drawn, and the frames without a camera."""
     anchor = first.point(*AT)
     camera = CameraTurn(first, anchor)
