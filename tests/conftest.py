@@ -18,10 +18,6 @@ annotations.install()
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
-# A forked process that frees onnxruntime's sessions waits for ever for threads that it has not.
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=gc.collect)
-
 ROOT = Path(__file__).resolve().parents[1]
 
 # Packages whose tests are skipped, by name, where they are not installed: those of the extras.

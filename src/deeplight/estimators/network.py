@@ -1,5 +1,6 @@
 """A network as an estimator, whatever runs it: photo in, framing, light and notes out."""
 
+import gc
 import hashlib
 import os
 import time
@@ -34,6 +35,11 @@ differs by 0.016 in ln radiance from the whole photo's, from half of them by 0.0
 
 WHOLE_VIEW = 0.995
 """From this visible fraction on the photo counts as showing the whole trained view."""
+
+# A forked process (of torch's DataLoader, say) that frees a session waits for ever for threads that
+# only its parent has. What it inherits as garbage stays where it is.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=gc.freeze)
 
 
 @dataclass(frozen=True)
