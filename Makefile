@@ -14,14 +14,14 @@ EXTRAS := capture,cluster,dev,heic,litert,raw,render,sun,train,usd
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-lab slow lint coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci npm-package npm-test release release-test release-version clean
+.PHONY: help run test test-lab slow lint types coverage docs fuzz ci bench results ablation round-trip web web-test web-e2e web-ci npm-package npm-test release release-test release-version clean
 
 help:
 	@echo "make run    estimate the light of the example photos (small install, no torch)"
 	@echo "make test   run the tests (installs everything, CPU torch too)"
 	@echo "make test-lab  the tests of the experiments in lab/, which are no part of the program"
 	@echo "make slow   the long tests that both leave out (minutes each)"
-	@echo "make lint   ruff, mypy, import rules"
+	@echo "make lint   ruff, mypy, import rules; make types: mypy alone"
 	@echo "make docs   the documents as a site, with the API reference, in out/site"
 	@echo "make coverage  the tests, and that they reach 95 % of the lines"
 	@echo "make fuzz   damaged files of every format into every reader (CASES=per format)"
@@ -62,6 +62,9 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+types: $(VENV)/.installed-test
+	$(BIN)/mypy
 
 slow: $(VENV)/.installed-test
 	$(BIN)/pytest -m slow -n $(JOBS) --timeout 3600
