@@ -4,7 +4,8 @@ Each is linear in radiance, so what is done to a sum of lights is done to each o
 pixels are the main light is not: that is found first, in the light as it came.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -14,6 +15,7 @@ from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ConfigError
 from deeplight.frames import Rotation
 from deeplight.harmonics import dominant_light_of_latlong
+from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
 from deeplight.mappings import latlong, resample
 
@@ -70,6 +72,11 @@ class Edit:
         yaw, pitch, roll = np.radians(self.turn)
         return frames.world_from_camera(yaw, pitch, roll)
 
+    @property
+    def of_what_is_left(self) -> "Edit":
+        """What to do to a panorama whose lamps are edited apart, before white is mixed in."""
+        return replace(self, main_light=1.0, main_light_to=None, neutral=0.0)
+
 
 def edited(lighting: Lighting, edit: Edit) -> Lighting:
     """Lighting after `edit`; the same value where nothing is to change."""
@@ -86,6 +93,20 @@ def edited_latlong(radiance: Panorama, edit: Edit) -> Panorama:
     radiance = resample.turned_latlong(radiance, edit.new_from_old)
     radiance = radiance * (np.array(edit.tint, np.float32) * np.float32(2.0**edit.stops))
     return with_neutral(radiance, edit.neutral)
+
+
+def edited_lamps(lamps: Sequence[Lamp], edit: Edit) -> tuple[Lamp, ...]:
+    """Lamps after `edit` but for its neutral share, the strongest first; black ones are left out.
+
+    The first one is the main light.
+    """
+    main = lamps[0].scaled(edit.main_light)
+    if edit.main_light_to is not None:
+        main = replace(main, direction=direction_of(*edit.main_light_to))
+    factor = np.array(edit.tint) * 2.0**edit.stops
+    lit = [lamp.turned(edit.new_from_old).scaled(factor) for lamp in (main, *lamps[1:])]
+    lit.sort(key=lambda lamp: -lamp.luminous_flux)
+    return tuple(lamp for lamp in lit if lamp.flux.any())
 
 
 def with_neutral(radiance: Panorama, share: float) -> Panorama:

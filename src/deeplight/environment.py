@@ -11,11 +11,12 @@ import numpy as np
 from jaxtyping import Float
 
 from deeplight import frames
-from deeplight.edit import Edit, edited_latlong
+from deeplight.camera_response import LUMINANCE
+from deeplight.edit import Edit, edited_lamps, edited_latlong, with_neutral
 from deeplight.errors import ShapeError
 from deeplight.frames import Rotation
 from deeplight.harmonics import DominantLight, dominant_light_of_latlong
-from deeplight.lamp import Lamp
+from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
 from deeplight.mappings import latlong, layouts, resample
 
@@ -28,6 +29,7 @@ LARGEST_LAMP_RAD = 0.2
 LEAST_SHARE = 0.03
 """and has at least this share of the luminous power that is left."""
 _NOTHING = 1e-6  # a share of the power that is rounding
+_BALL_ROWS = 128  # of a panorama without its main light: as fine as the ball's pixels
 
 Frame = Literal["camera", "level", "file"]
 """camera: the view is -Z; level: the same with +Y against gravity; file: as it was stored."""
@@ -46,6 +48,8 @@ class Environment:
             is involved, as in a measured panorama. Read-only.
         frame: what the axes are tied to.
         unit: what radiance 1.0 is.
+        known_lamps: the compact lights that `radiance` holds, the strongest first, where it was
+            made of them, as an estimate is; None where nobody says, and they are looked for.
 
     Raises:
         ShapeError: not twice as wide as high, black, not finite, more than ringing is negative,
@@ -62,6 +66,7 @@ class Environment:
     seen: Float[np.ndarray, "height width"] | None = None
     frame: Frame = "camera"
     unit: Unit = "camera_white"
+    known_lamps: tuple[Lamp, ...] | None = None
 
     def __post_init__(self) -> None:
         radiance = _checked(np.asarray(self.radiance, np.float32))
@@ -87,21 +92,41 @@ class Environment:
         return len(self.radiance)
 
     def edited(self, edit: Edit) -> Self:
-        """The same light after `edit`; `seen` turns with it."""
+        """The same light after `edit`; `seen` and the lamps turn with it."""
         if edit == Edit():
             return self
-        turned = self.turned(edit.new_from_old).seen
         with np.errstate(over="ignore"):  # too bright is refused like any infinity
-            return replace(self, radiance=edited_latlong(self.radiance, edit), seen=turned)
+            if not self.known_lamps:
+                seen = self._seen_turned(edit.new_from_old)
+                return replace(self, radiance=edited_latlong(self.radiance, edit), seen=seen)
+            lamps = edited_lamps(self.known_lamps, edit)
+            rest = edited_latlong(self.ambient, edit.of_what_is_left)
+            whole = self._of_parts(rest, lamps, edit.new_from_old)
+            white = with_neutral(whole.radiance, edit.neutral)
+            kept = tuple(lamp.scaled(1 - edit.neutral) for lamp in lamps if edit.neutral < 1)
+            return replace(whole, radiance=white, known_lamps=kept)
 
     def turned(self, new_from_old: Rotation) -> Self:
         """The same light in a frame turned by `new_from_old`; exact for whole columns of yaw."""
-        seen = self.seen
-        if seen is not None:
-            seen = resample.turned_latlong(seen[..., None], new_from_old)[..., 0].clip(0, 1)
-        return replace(
-            self, radiance=resample.turned_latlong(self.radiance, new_from_old), seen=seen
-        )
+        if not self.known_lamps:
+            radiance = resample.turned_latlong(self.radiance, new_from_old)
+            return replace(self, radiance=radiance, seen=self._seen_turned(new_from_old))
+        rest = resample.turned_latlong(self.ambient, new_from_old)
+        lamps = tuple(lamp.turned(new_from_old) for lamp in self.known_lamps)
+        return self._of_parts(rest, lamps, new_from_old)
+
+    def _of_parts(
+        self, rest: Float[np.ndarray, "height width 3"], lamps: tuple[Lamp, ...], turn: Rotation
+    ) -> Self:
+        """A panorama without lamps and lamps, as one, with this one's `seen` turned."""
+        radiance = rest + draw_lamps(lamps, len(rest))
+        return replace(self, radiance=radiance, seen=self._seen_turned(turn), known_lamps=lamps)
+
+    def _seen_turned(self, new_from_old: Rotation) -> Float[np.ndarray, "height width"] | None:
+        if self.seen is None:
+            return None
+        found: np.ndarray = resample.turned_latlong(self.seen[..., None], new_from_old)[..., 0]
+        return found.clip(0, 1)
 
     def latlong(self, height: int | None = None) -> Float[np.ndarray, "height width 3"]:
         """The panorama, averaged or interpolated to a number of rows."""
@@ -117,26 +142,12 @@ class Environment:
         return Lighting.from_latlong(self.radiance)
 
     @cached_property
-    def main_light(self) -> DominantLight:
-        """The dominant light, as fine as the panorama."""
-        return self._apart[0]
-
-    @cached_property
-    def remainder(self) -> Float[np.ndarray, "height width 3"]:
-        """The panorama without its main light."""
-        return np.maximum(self.radiance - self._apart[1], 0)
-
-    @cached_property
-    def lights(self) -> tuple[DominantLight, ...]:
-        """The main light, and up to two more as compact as a lamp, as tools have lights.
-
-        The last one's `remainder` is `ambient` on the ball.
-        """
-        return tuple(light for light, _ in self._peeled)
-
-    @cached_property
     def lamps(self) -> tuple[Lamp, ...]:
-        """The same as even discs; with `ambient` they hold the whole power."""
+        """Its compact lights as even discs, the main light first: those that it was made of, else
+        up to three that are found in it. With `ambient` they hold the whole power.
+        """
+        if self.known_lamps is not None:
+            return self.known_lamps
         weights = latlong.solid_angles(*self.radiance.shape[:2])
         return tuple(
             Lamp(
@@ -150,11 +161,52 @@ class Environment:
 
     @cached_property
     def ambient(self) -> Float[np.ndarray, "height width 3"]:
-        """The panorama without `lights`."""
+        """The panorama without `lamps`."""
+        if self.known_lamps is not None:
+            return self._without(self.known_lamps)
         rest = self.radiance
         for _, excess in self._peeled:
             rest = rest - excess
         return np.maximum(rest, 0)
+
+    @cached_property
+    def main_light(self) -> DominantLight:
+        """The first of `lamps`; the brightest spot, however broad, where it was made of none."""
+        if not self.known_lamps:
+            return self._apart[0]
+        lamp = self.known_lamps[0]
+        rest = self.remainder
+        if self.height > _BALL_ROWS and self.height % _BALL_ROWS == 0:
+            rest = resample.shrink_latlong(rest, _BALL_ROWS)
+        return DominantLight(
+            lamp.direction.astype(np.float32),
+            lamp.irradiance.astype(np.float32),
+            lamp.luminous_flux / float(self._power_of(self.radiance) @ LUMINANCE),
+            Lighting.from_latlong(rest),
+            lamp.angular_radius_rad,
+        )
+
+    @cached_property
+    def remainder(self) -> Float[np.ndarray, "height width 3"]:
+        """The panorama without its main light."""
+        if self.known_lamps:
+            return self._without(self.known_lamps[:1])
+        return np.maximum(self.radiance - self._apart[1], 0)
+
+    def _without(self, lamps: tuple[Lamp, ...]) -> Float[np.ndarray, "height width 3"]:
+        """The panorama less these discs. At another number of rows they were drawn a little
+        otherwise, so what is clipped is made good: the power is the whole's less the lamps'.
+        """
+        rest = np.maximum(self.radiance - draw_lamps(lamps, self.height), 0)
+        left = self._power_of(self.radiance) - sum(lamp.flux for lamp in lamps)
+        factor = np.maximum(left, 0) / np.maximum(self._power_of(rest), 1e-30)
+        return rest * factor.astype(np.float32)
+
+    @staticmethod
+    def _power_of(radiance: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray, "3"]:
+        weights = latlong.solid_angles(*radiance.shape[:2])
+        power: np.ndarray = np.einsum("ij,ijc->c", weights, radiance)
+        return power
 
     @cached_property
     def _peeled(self) -> list[tuple[DominantLight, Float[np.ndarray, "height width 3"]]]:

@@ -71,6 +71,12 @@ class Lamp:
         return self.radiance * (np.pi * np.sin(self.angular_radius_rad) ** 2)
 
     @property
+    def colour(self) -> Float[np.ndarray, "3"]:
+        """Its flux with the largest channel at 1; white where there is no light."""
+        largest = self.flux.max()
+        return self.flux / largest if largest > 0 else np.ones(3)
+
+    @property
     def luminous_flux(self) -> float:
         """Its flux by luminance: what lamps are compared by."""
         return float(self.flux @ LUMINANCE)

@@ -67,7 +67,7 @@ class SceneLight:
         """Everything in one panorama, each lamp at its place and size."""
         whole = self.rest.copy()
         add_lamps(whole, self.lamps)
-        return Environment(whole, self.seen)
+        return Environment(whole, self.seen, known_lamps=self.lamps)
 
     def softened(self, radius_rad: float) -> Self:
         """The same light with its lamps as glows of about this radius: what is known of lamps

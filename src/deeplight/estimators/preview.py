@@ -45,7 +45,6 @@ def preview(
     estimate: Estimate,
     environment: Environment,
     title: str,
-    lamps: Sequence[Lamp] = (),
     confidence: Sequence[str] = (),
     direction_known: bool = True,
     tilt: Tilt | None = None,
@@ -54,9 +53,8 @@ def preview(
 
     Args:
         estimate: what to show.
-        environment: its light, lamps in it.
+        environment: its light, whose lamps are marked.
         title: usually the photo's file name.
-        lamps: to mark.
         confidence: how sure the estimate is, a line each.
         direction_known: whether the main light's place can be relied on.
         tilt: the camera's, to show the panorama level: in the camera's frame a horizon is a wave.
@@ -72,7 +70,7 @@ def preview(
     turn = tilt.level_from_camera if tilt else np.eye(3)
     shown = _turned(environment.radiance, turn) if tilt else environment.radiance
     canvas.paste(_tone_mapped(shown, 0.0, LIGHT_SIZE), (left, 64))
-    places = [(turn @ lamp.direction, lamp) for lamp in lamps]
+    places = [(turn @ lamp.direction, lamp) for lamp in environment.lamps]
     _mark_lamps(draw, places, (left, 64), direction_known)
     below = 64 + LIGHT_SIZE[1] + 40
     canvas.paste(_tone_mapped(shown, DARK_STOPS, DIM_SIZE), (left, below))

@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -104,26 +104,34 @@ def _written(
     if estimate.heads:
         facts["camera_guess"] = camera_record(estimate.heads)
     facts |= more
-    seen = None
+    seen, main_light = None, None
     if scene is None:
-        environment = Environment.from_lighting(estimate.lighting, spec.height)
+        ball = Environment.from_lighting(estimate.lighting, spec.height)
+        environment = replace(ball, known_lamps=())
         lighting, latlong = estimate.lighting, environment.radiance
     else:
         environment, lighting = scene.environment, scene.environment.lighting
+        main_light = environment.main_light
         latlong = scene.rest if spec.lamps_apart else environment.radiance
         seen = scene.seen if spec.seen_channel else None
         facts["lamps"] = lamps_record(scene.lamps, in_environment=not spec.lamps_apart)
         facts["seen"] = seen_record(scene.seen) | _elsewhere(scene)
     files = save_lighting(
-        lighting, stem, turn=spec.turn, hdr=spec.hdr, facts=facts, latlong=latlong, seen=seen
+        lighting,
+        stem,
+        turn=spec.turn,
+        hdr=spec.hdr,
+        facts=facts,
+        latlong=latlong,
+        seen=seen,
+        main_light=main_light,
     )
     source = estimate.photo.source
     title = source.name if source else stem.name
     files.append(stem.with_name(f"{stem.name}.preview.png"))
-    lamps = scene.lamps if scene else ()
     known = confidence.words["direction"] == "roughly known"
     tilt = scene.tilt if scene else None
-    picture = preview(estimate, environment, title, lamps, confidence.sentences, known, tilt)
+    picture = preview(estimate, environment, title, confidence.sentences, known, tilt)
     write_png(files[-1], picture)
     return files
 

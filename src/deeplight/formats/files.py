@@ -30,6 +30,7 @@ from deeplight.io.lighting_file import (
 )
 from deeplight.io.orientation import TOOLS, faces_for, turned_for
 from deeplight.io.radiance import write_exr, write_hdr
+from deeplight.lighting import Lighting
 from deeplight.mappings import cube
 from deeplight.mappings.layouts import cube_from_latlong, probe_from_latlong, resized, unfolded
 
@@ -39,6 +40,7 @@ WITH_PICTURE = {"blender": "exr", "three": "exr", "unreal": "hdr", "usd": "exr"}
 """Formats with a picture next to them, and what that is: Unreal makes cubes of .hdr alone."""
 ALWAYS_APART = ("unreal", "usd")
 """Of these, the ones whose picture never holds the compact lights."""
+_NO_LIGHT = {"direction": [0.0, 1.0, 0.0], "irradiance": [0.0, 0.0, 0.0], "angularRadius": 0.0}
 WITHOUT_VIEW = frozenset({"mirror-ball", "angular", "cross", "horizontal-cross"})
 """Mappings whose middle is the view (or its opposite) by definition, so that no tool turns them."""
 
@@ -200,7 +202,14 @@ def _lighting_file(environment: Environment, spec: FileSpec) -> list[Path]:
     facts = {"lamps": lamps_record(environment.lamps, in_environment=not spec.lamps_apart)}
     if environment.seen is not None:
         facts["seen"] = seen_record(environment.seen)
-    return save_lighting(environment.lighting, stem, turn=turn, latlong=latlong, facts=facts)
+    return save_lighting(
+        environment.lighting,
+        stem,
+        turn=turn,
+        latlong=latlong,
+        facts=facts,
+        main_light=environment.main_light,
+    )
 
 
 def _webxr(environment: Environment, spec: FileSpec) -> list[Path]:
@@ -235,19 +244,20 @@ def _script(tool: str, snippet: str) -> Callable[[Environment, FileSpec], list[P
         text = files("deeplight.formats").joinpath("snippets", snippet).read_text(encoding="utf-8")
         lights = [
             {
-                "direction": light.direction.tolist(),
-                "irradiance": light.irradiance.tolist(),
-                "angularRadius": light.angular_radius_rad,
+                "direction": lamp.direction.tolist(),
+                "irradiance": lamp.irradiance.tolist(),
+                "angularRadius": lamp.angular_radius_rad,
             }
-            for light in environment.lights
+            for lamp in environment.lamps
         ]
+        rest = Lighting.from_latlong(environment.ambient)
         for mark, value in {
             "NAME": re.sub(r"[^\w .-]", "_", spec.path.stem),
             "PICTURE": json.dumps(picture.path.name),
-            "MAIN_LIGHT": json.dumps(lights[0]),
+            "MAIN_LIGHT": json.dumps(lights[0] if lights else _NO_LIGHT),
             "LIGHTS": json.dumps(lights),
             "APART": json.dumps(spec.lamps_apart),
-            "HARMONICS": json.dumps(spherical_harmonics(environment.lights[-1].remainder).tolist()),
+            "HARMONICS": json.dumps(spherical_harmonics(rest).tolist()),
         }.items():
             text = text.replace(f"@{mark}@", value)
         return [*_picture(environment, picture), *_text(spec.path, text)]
@@ -268,7 +278,7 @@ def _usd(environment: Environment, spec: FileSpec) -> list[Path]:
         raise ConfigError("a name in UTF-8", f"{ascii(spec.path.name)}", "rename it")
     texture = _picture_next_to(spec, "usd")
     files = _picture(environment, texture)
-    write_usd(spec.path, environment.lights, texture.path.name)
+    write_usd(spec.path, environment.lamps, texture.path.name)
     return [*files, spec.path]
 
 

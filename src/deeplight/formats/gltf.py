@@ -8,6 +8,7 @@ import base64
 import io
 import json
 import struct
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from deeplight.environment import Environment
 from deeplight.frames import looking_at
 from deeplight.harmonics import irradiance_coefficients, spherical_harmonics
 from deeplight.io.orientation import GLTF_SIGN, gltf_faces
+from deeplight.lamp import Lamp
+from deeplight.lighting import Lighting
 from deeplight.mappings import cube, latlong
 from deeplight.mappings.layouts import cube_from_latlong, resized
 
@@ -61,8 +64,8 @@ def _pictures(environment: Environment) -> list[bytes]:
 
 def _document(environment: Environment) -> dict[str, Any]:
     """Everything but the pictures."""
-    lights = environment.lights
-    harmonics = irradiance_coefficients(spherical_harmonics(lights[-1].remainder))
+    rest = Lighting.from_latlong(environment.ambient)
+    harmonics = irradiance_coefficients(spherical_harmonics(rest))
     image_light = {
         "name": "everything but the lights",
         "intensity": 1.0,
@@ -76,40 +79,45 @@ def _document(environment: Environment) -> dict[str, Any]:
         "specularImageSize": FACE_SIZE,
         "specularImages": [[6 * mip + face for face in range(6)] for mip in range(MIPS)],
     }
-    names = ["main light", *(f"light {number}" for number in range(2, len(lights) + 1))]
-    punctual = [
+    extensions: dict[str, Any] = {"EXT_lights_image_based": {"lights": [image_light]}}
+    scene: dict[str, Any] = {"extensions": {"EXT_lights_image_based": {"light": 0}}}
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "deeplight convert"},
+        "extensionsUsed": list(extensions),
+        "extensions": extensions,
+        "scenes": [scene],
+        "scene": 0,
+    }
+    if environment.lamps:  # glTF allows no empty lists
+        punctual, document["nodes"] = _punctual(environment.lamps)
+        scene["nodes"] = list(range(len(punctual)))
+        document["extensionsUsed"].insert(0, "KHR_lights_punctual")
+        extensions["KHR_lights_punctual"] = {"lights": punctual}
+    return document
+
+
+def _punctual(lamps: Sequence[Lamp]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Directional lights of KHR_lights_punctual, and a node for each."""
+    names = ["main light", *(f"light {number}" for number in range(2, len(lamps) + 1))]
+    lights = [
         {
             "name": name,
             "type": "directional",
-            "color": [float(value) for value in light.colour],
-            "intensity": float(light.irradiance.max()),
-            "extras": {"angularRadius": light.angular_radius_rad},
+            "color": [float(value) for value in lamp.colour],
+            "intensity": float(lamp.irradiance.max()),
+            "extras": {"angularRadius": lamp.angular_radius_rad},
         }
-        for name, light in zip(names, lights, strict=True)
+        for name, lamp in zip(names, lamps, strict=True)
     ]
     nodes = [
         {
             "name": name,
-            "rotation": shining_from(light.direction),
+            "rotation": shining_from(lamp.direction),
             "extensions": {"KHR_lights_punctual": {"light": number}},
         }
-        for number, (name, light) in enumerate(zip(names, lights, strict=True))
+        for number, (name, lamp) in enumerate(zip(names, lamps, strict=True))
     ]
-    scene = {
-        "nodes": list(range(len(nodes))),
-        "extensions": {"EXT_lights_image_based": {"light": 0}},
-    }
-    return {
-        "asset": {"version": "2.0", "generator": "deeplight convert"},
-        "extensionsUsed": ["KHR_lights_punctual", "EXT_lights_image_based"],
-        "extensions": {
-            "KHR_lights_punctual": {"lights": punctual},
-            "EXT_lights_image_based": {"lights": [image_light]},
-        },
-        "nodes": nodes,
-        "scenes": [scene],
-        "scene": 0,
-    }
+    return lights, nodes
 
 
 def specular_mips(radiance: Float[np.ndarray, "height width 3"]) -> list[Faces]:

@@ -13,16 +13,16 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
 from deeplight.errors import ConfigError
 from deeplight.formats.gltf import shining_from
-from deeplight.harmonics import DominantLight
 from deeplight.io.atomic import replacing
+from deeplight.lamp import Lamp
 
 
-def write_usd(path: Path, lights: Sequence[DominantLight], texture: str) -> None:
+def write_usd(path: Path, lamps: Sequence[Lamp], texture: str) -> None:
     """Write a stage of a dome light and distant lights, whole or not at all.
 
     Args:
         path: ending in .usda (text) or .usdc (binary).
-        lights: not in the texture.
+        lamps: not in the texture.
         texture: name of the EXR next to `path`, turned for USD.
 
     Raises:
@@ -40,21 +40,20 @@ def write_usd(path: Path, lights: Sequence[DominantLight], texture: str) -> None
     dome.CreateTextureFileAttr(Sdf.AssetPath(f"./{texture}"))
     dome.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
     dome.CreateIntensityAttr(1.0)
-    for number, light in enumerate(lights):
-        if light.irradiance.any():
-            name = "main_light" if number == 0 else f"light_{number + 1}"
-            _distant(stage, f"/deeplight/{name}", light)
+    for number, lamp in enumerate(lamps):
+        name = "main_light" if number == 0 else f"light_{number + 1}"
+        _distant(stage, f"/deeplight/{name}", lamp)
     with replacing(path) as temporary:
         if not stage.GetRootLayer().Export(str(temporary)):
             raise OSError(f"cannot write {path}")
 
 
-def _distant(stage: Usd.Stage, path: str, light: DominantLight) -> None:
+def _distant(stage: Usd.Stage, path: str, lamp: Lamp) -> None:
     """A light that shines along its -Z, as wide as it is."""
     distant = UsdLux.DistantLight.Define(stage, path)
-    x, y, z, w = shining_from(light.direction)
+    x, y, z, w = shining_from(lamp.direction)
     distant.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
-    distant.CreateAngleAttr(degrees(2 * light.angular_radius_rad))
+    distant.CreateAngleAttr(degrees(2 * lamp.angular_radius_rad))
     distant.CreateNormalizeAttr(True)
-    distant.CreateIntensityAttr(float(light.irradiance.max()))
-    distant.CreateColorAttr(Gf.Vec3f(*(float(value) for value in light.colour)))
+    distant.CreateIntensityAttr(float(lamp.irradiance.max()))
+    distant.CreateColorAttr(Gf.Vec3f(*(float(value) for value in lamp.colour)))

@@ -16,7 +16,7 @@ from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.preview import FAINT, INK, MARGIN, PAPER, SPHERE, WIDTH, draw_spheres
 from deeplight.fuse.fuse import Fused
 from deeplight.io.atomic import staging
-from deeplight.io.lighting_file import Turn, save_lighting, seen_record
+from deeplight.io.lighting_file import Turn, lamps_record, save_lighting, seen_record
 from deeplight.io.photos import write_png
 from deeplight.mappings import latlong
 
@@ -57,6 +57,7 @@ def write_fused(
             facts=_facts(fused, estimator),
             latlong=environment.radiance,
             seen=environment.seen,
+            main_light=environment.main_light,
         )
         files.append(base.with_name(f"{stem}.preview.png"))
         write_png(files[-1], preview(fused, stem))
@@ -83,6 +84,7 @@ def _facts(fused: Fused, estimator: NetworkEstimator) -> dict[str, Any]:
             "seen_share": seen_share(environment),
         },
         "notes": list(fused.notes),
+        "lamps": lamps_record(environment.lamps, in_environment=True),
     }
     if environment.frame == "level":
         facts["frame"] = "level: +Y against gravity, -Z the view made level, +X right of it"

@@ -23,7 +23,7 @@ from deeplight.io.orientation import faces_for, turned_from
 from deeplight.io.photos import PHOTO_SUFFIXES
 from deeplight.io.radiance import MAX_HDR_PIXELS, is_floating_point, read_hdr
 from deeplight.io.raw import RAW_SUFFIXES
-from deeplight.lamp import draw_lamps
+from deeplight.lamp import Lamp, draw_lamps
 from deeplight.lighting import Lighting
 from deeplight.mappings import latlong
 from deeplight.mappings.layouts import folded, latlong_from_cube, latlong_from_probe, mapping_of
@@ -67,20 +67,22 @@ def read_environment(
     if len(files) not in (1, 6):
         expected = "one file, or six faces +X -X +Y -Y +Z -Z"
         raise ConfigError(expected, f"{len(files)}", "name those")
+    seen, lamps = None, None
+    unit: Unit = "camera_white"
     try:
         with reading(files[0]):
             if len(files) == 6:
-                radiance, unit, seen = *_six(files, made_for, layer), None
+                radiance, unit = _six(files, made_for, layer)
             elif files[0].suffix.lower() == ".json":
-                radiance, seen, unit = *_described(files[0]), "camera_white"
+                radiance, seen, lamps = _described(files[0])
             else:
-                radiance, unit, seen = *_one(files[0], mapping, made_for, layer), None
+                radiance, unit = _one(files[0], mapping, made_for, layer)
             if max_height is not None and len(radiance) > max_height:
                 radiance = shrink_latlong(radiance, max_height)
             if seen is not None:
                 directions = latlong.directions(len(radiance), 2 * len(radiance))
                 seen = sample_latlong(seen[..., None], directions)[..., 0].clip(0, 1)
-            return Environment(radiance, seen, unit=unit)
+            return Environment(radiance, seen, unit=unit, known_lamps=lamps)
     except ShapeError as error:
         raise ImageFileError(error.expected, f"{files[0]}, {error.got}", error.do) from error
 
@@ -116,6 +118,11 @@ def load_lighting(path: Path | str) -> Lighting:
 
 
 _Panorama = tuple[Float[np.ndarray, "height width 3"], Unit]
+_Described = tuple[
+    Float[np.ndarray, "height width 3"],
+    Float[np.ndarray, "rows columns"] | None,
+    tuple[Lamp, ...] | None,
+]
 
 
 def _one(
@@ -132,21 +139,20 @@ def _one(
     return latlong_from_probe(picture, mapping), "file"
 
 
-def _described(
-    path: Path,
-) -> tuple[Float[np.ndarray, "height width 3"], Float[np.ndarray, "rows columns"] | None]:
-    """What a lighting file describes: the environment next to it with its lamps, else its ball."""
+def _described(path: Path) -> _Described:
+    """What a lighting file describes: the environment next to it with its lamps, else its ball,
+    in which no lamp is as small as it was."""
     record = read_record(path)
     try:
         lamps, drawn = lamps_of_record(record)
         names = [name for name in record["environment"]["files"] if name.endswith(".exr")]
         neighbour = path.with_name(Path(names[0]).name) if names else None
         if neighbour is None or not neighbour.is_file():
-            return read_lighting_json(path).latlong(LATLONG_HEIGHT), None
+            return read_lighting_json(path).latlong(LATLONG_HEIGHT), None, None
         radiance, _ = _one(neighbour, "latlong", None)
         if not drawn:
-            radiance = radiance + draw_lamps(lamps, len(radiance))
-        return radiance, seen_of_record(record)
+            radiance = radiance + draw_lamps(lamps or (), len(radiance))
+        return radiance, seen_of_record(record), lamps
     except (ValueError, KeyError, TypeError, zlib.error) as error:
         got = f"{path}, which is damaged ({type(error).__name__}: {error})"
         raise ImageFileError("a lighting file", got, "write it again") from error

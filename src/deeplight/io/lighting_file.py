@@ -13,7 +13,12 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from deeplight.errors import ImageFileError, InputError
-from deeplight.harmonics import CONDON_SHORTLEY, dominant_light, spherical_harmonics
+from deeplight.harmonics import (
+    CONDON_SHORTLEY,
+    DominantLight,
+    dominant_light,
+    spherical_harmonics,
+)
 from deeplight.io.atomic import replacing
 from deeplight.io.json_text import read_json
 from deeplight.io.radiance import write_exr, write_hdr
@@ -72,6 +77,7 @@ def save_lighting(
     facts: Mapping[str, Any] | None = None,
     latlong: Float[np.ndarray, "height width 3"] | None = None,
     seen: Float[np.ndarray, "height width"] | None = None,
+    main_light: DominantLight | None = None,
 ) -> list[Path]:
     """Write `<stem>.exr` and `<stem>.json`, each whole or not at all.
 
@@ -85,6 +91,7 @@ def save_lighting(
         latlong: the environment to write, of which `lighting` is the mirror ball; left out, that
             ball enlarged to 256 rows.
         seen: how much of each texel a photo shows, 0 to 1, for a channel `seen` of the EXR.
+        main_light: of the environment; left out, the ball's dominant light.
 
     Returns:
         The files written.
@@ -108,7 +115,8 @@ def save_lighting(
     if hdr:
         files.append(folder / f"{name}.hdr")
         write_hdr(files[1], turned)
-    record = _record(lighting, turn, [file.name for file in files], len(turned)) | dict(facts or {})
+    record = _record(lighting, turn, [file.name for file in files], len(turned))
+    record |= {"dominant_light": _dominant(main_light or dominant_light(lighting)), **(facts or {})}
     files.append(folder / f"{name}.json")
     with replacing(files[-1]) as temporary:
         temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
@@ -181,11 +189,12 @@ def seen_record(seen: Float[np.ndarray, "height width"]) -> dict[str, Any]:
     }
 
 
-def lamps_of_record(record: Mapping[str, Any]) -> tuple[tuple[Lamp, ...], bool]:
-    """The lamps of a lighting file, and whether its environment files hold them too."""
+def lamps_of_record(record: Mapping[str, Any]) -> tuple[tuple[Lamp, ...] | None, bool]:
+    """The lamps of a lighting file, None where it lists none, and whether its environment files
+    hold them too."""
     entry = record.get("lamps")
     if entry is None:
-        return (), True
+        return None, True
     lamps = [
         Lamp(np.array(lamp["direction"]), np.array(lamp["flux"]), lamp["angular_radius_rad"])
         for lamp in entry["lamps"]
@@ -231,7 +240,6 @@ def _record(lighting: Lighting, turn: Turn, environments: list[str], height: int
             "view_u": turn.view_u,
             "axes": turn.axes,
         },
-        "dominant_light": _dominant(lighting),
         "spherical_harmonics": _harmonics(lighting),
         "mirror_ball": {
             "size": lighting.size,
@@ -241,8 +249,7 @@ def _record(lighting: Lighting, turn: Turn, environments: list[str], height: int
     }
 
 
-def _dominant(lighting: Lighting) -> dict[str, Any]:
-    light = dominant_light(lighting)
+def _dominant(light: DominantLight) -> dict[str, Any]:
     return {
         "primary_light_direction": light.direction.tolist(),
         "primary_light_intensity": light.irradiance.tolist(),
