@@ -29,9 +29,10 @@ def _photograph(path: Path) -> None:
 
 
 def _tilt(path: Path) -> None:
+    from deeplight.io.exif import exif_directories
     from deeplight.io.tilt import tilt_of
 
-    tilt_of(path)
+    tilt_of(exif_directories(path))
 
 
 def _environment(path: Path) -> None:

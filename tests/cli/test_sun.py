@@ -19,11 +19,12 @@ from deeplight.estimators.sun import (
     SunHint,
     sun_at_angles,
     sun_at_pixel,
-    sun_from_photo,
     sun_from_shadow,
     sun_of,
     with_sun,
 )
+from deeplight.io import photos
+from deeplight.io.exif import exif_directories
 from deeplight.io.tilt import Tilt
 from deeplight.io.whereabouts import Whereabouts, whereabouts_of
 from deeplight.lamp import SUN_ANGULAR_RADIUS_RAD, Lamp
@@ -110,16 +111,15 @@ def save_photo(path: Path, heading: float, reference: str = "T", seconds=(1, 200
 
 
 def test_exif_gives_place_time_and_heading(tmp_path):
-    found = whereabouts_of(save_photo(tmp_path / "a.jpg", 154.34))
+    found = whereabouts_of(exif_directories(save_photo(tmp_path / "a.jpg", 154.34)))
     assert (found.latitude_deg, found.longitude_deg) == pytest.approx(NREL[:2], abs=1e-5)
     assert found.time == NREL_TIME
     assert found.exposure_value == pytest.approx(13.7, abs=0.1)
-    sun = sun_from_photo(tmp_path / "a.jpg")
+    sun = sun_of(found, None)
     assert off_deg(sun.direction, sun_at_angles(40.0, NREL_ELEVATION_DEG).direction) < 0.5
     assert "39." not in repr(found)  # the place does not slip into a message
-    assert whereabouts_of(None) is None
     Image.new("RGB", (64, 64)).save(tmp_path / "plain.jpg")
-    assert whereabouts_of(tmp_path / "plain.jpg") is None
+    assert whereabouts_of(exif_directories(tmp_path / "plain.jpg")) is None
 
 
 UNKNOWN = 0xFFFFFFFF
@@ -137,7 +137,7 @@ def test_places_and_times_that_cannot_be_are_none(tmp_path, name):
         assert exif.get_ifd(0x8825)[17] == pytest.approx(154.34)
         exif.get_ifd(0x8825).update(ENTRIES[name])
         picture.save(tmp_path / "b.jpg", exif=exif)
-    assert whereabouts_of(tmp_path / "b.jpg") is None
+    assert whereabouts_of(exif_directories(tmp_path / "b.jpg")) is None
 
 
 def test_a_heading_may_be_unknown(tmp_path):
@@ -147,8 +147,8 @@ def test_a_heading_may_be_unknown(tmp_path):
         written, unknown = struct.pack(f"{order}II", 12347, 100), struct.pack("<II", 0, UNKNOWN)
         content = content.replace(written, unknown)
     (tmp_path / "b.jpg").write_bytes(content)
-    assert whereabouts_of(path).heading_deg == pytest.approx(123.47)
-    assert whereabouts_of(tmp_path / "b.jpg") is None
+    assert whereabouts_of(exif_directories(path)).heading_deg == pytest.approx(123.47)
+    assert whereabouts_of(exif_directories(tmp_path / "b.jpg")) is None
 
 
 @pytest.mark.parametrize(("seconds", "used"), [((1, 2000), True), ((1, 20), False)])
@@ -171,6 +171,19 @@ def test_the_command_uses_it_outdoors_by_day_and_writes_no_place(
     assert not any(
         number in text for number in ("39.7424", "105.178", "1830.14", "2003:10", "2003-10")
     )
+
+
+def test_exif_is_read_once_behind_the_pixels(tmp_path, tiny_model, monkeypatch):
+    photo, read = save_photo(tmp_path / "a.jpg", 154.34, "M"), []
+
+    def noted(path):
+        read.append(path)
+        return exif_directories(path)
+
+    monkeypatch.setattr(photos, "exif_directories", noted)
+    words = [str(photo), "--out", str(tmp_path / "out"), "--model", str(tiny_model)]
+    assert main(["estimate", *words]) == 0
+    assert read == [photo]
 
 
 def test_a_given_sun_is_said_without_a_doubt_of_0_degrees(tmp_path, tiny_model, capsys):
@@ -227,7 +240,7 @@ def test_the_power_stays_the_estimates():
     [
         {},
         {"angles_deg": (0.0, 10.0), "pixel": (1.0, 1.0)},
-        {"pixel": (1.0, 1.0), "pitch_deg": 5.0},
+        {"pixel": (1.0, 1.0), "shadow_top": (2.0, 2.0)},
         {"pixel": (np.nan, 1.0)},
     ],
 )

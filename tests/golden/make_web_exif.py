@@ -17,7 +17,7 @@ from typing import Any
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from deeplight.io.exif import exif_of_pillow
+from deeplight.io.exif import exif_directories, exif_of_pillow
 from deeplight.io.tilt import tilt_of
 
 FILE = Path(__file__).resolve().parents[2] / "web/tests/golden/exif.json"
@@ -95,7 +95,7 @@ def golden() -> dict[str, Any]:
         for name, content in photos().items():
             path = Path(folder) / "photo.jpg"
             path.write_bytes(content)
-            tilt = tilt_of(path)
+            tilt = tilt_of(exif_directories(path))
             with Image.open(path) as picture:
                 exif = exif_of_pillow(picture.getexif)
             width, height = STORED[::-1] if exif.is_on_its_side else STORED

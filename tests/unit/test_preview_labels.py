@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from deeplight.estimators.preview import LIGHT_SIZE, _free, _overlap, _turned
+from deeplight.estimators.preview import (
+    ACCENT,
+    LIGHT_SIZE,
+    _free,
+    _mark_lamps,
+    _overlap,
+    _turned,
+)
+from deeplight.frames import normalised
 from deeplight.io.tilt import Tilt
+from deeplight.lamp import Lamp
 from deeplight.mappings import latlong
 
 
@@ -21,6 +30,20 @@ def test_labels_of_near_lamps_do_not_overlap_and_stay_in_the_picture(y):
         taken.append(_free(box, taken, 64))
     assert not any(_overlap(a, b) for a, b in itertools.combinations(taken, 2))
     assert all(box[1] >= 64 and box[3] <= 64 + LIGHT_SIZE[1] for box in taken[1:])
+
+
+def test_no_label_covers_a_ring():
+    """Lamps 13 and 18 degrees apart, as in a photo of a cup of coffee."""
+    near = ([0.34, 0.57, 0.75], [0.12, 0.58, 0.8], [-0.18, 0.58, 0.79])
+    lamps = [Lamp(normalised(np.array(d)), np.full(3, 2.0), 0.06) for d in near]
+    picture = Image.new("RGB", (LIGHT_SIZE[0], LIGHT_SIZE[1] + 100))
+    _mark_lamps(ImageDraw.Draw(picture), [(x.direction, x) for x in lamps], (0, 50), False)
+    shown = (np.asarray(picture) == ACCENT).all(-1)
+    y, x = np.nonzero(shown)
+    for lamp in lamps:
+        (row,), (column,) = latlong.position(lamp.direction[None], LIGHT_SIZE[1], LIGHT_SIZE[0])
+        angle = np.arctan2(y - row - 50, x - column)[np.hypot(y - row - 50, x - column) < 15]
+        assert len(np.unique(np.round(angle * 4))) > 22  # all around, of 26
 
 
 def test_a_label_alone_stays_where_it_is():

@@ -8,7 +8,7 @@ Where the camera looked, the environment is the photo itself; elsewhere it is th
 estimate, and what stands out of that becomes compact lamps, listed in the JSON.
 """
 
-from collections import Counter
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,11 @@ from rich.markup import escape
 if TYPE_CHECKING:
     from deeplight.estimators.batch import SourceDone
     from deeplight.estimators.sun import SunHint
+
+
+MOST_NAMED = 4
+"""Photos that a note of several names; of more it says how many."""
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 @dataclass(frozen=True)
@@ -71,9 +76,9 @@ class Args:
     shadow_top: tuple[float, float] | None = None
     """With --shadow: pixel x y of its upper end. Default: the sun is as high as estimated."""
     pitch: float | None = None
-    """With --shadow: degrees the camera looks up. Default: from EXIF, else 0."""
+    """Degrees the camera looks up. Default: from EXIF, else the network's guess."""
     roll: float | None = None
-    """With --shadow: degrees the camera is turned counter-clockwise. Default: from EXIF, else 0."""
+    """Degrees the camera is turned counter-clockwise. Default: from EXIF, else 0."""
 
 
 def run(args: Args) -> None:
@@ -97,6 +102,8 @@ def run(args: Args) -> None:
         seen_channel=args.seen,
         sun=_sun_hint(args),
         fill=None if args.fill == "none" else args.fill,
+        pitch_deg=args.pitch,
+        roll_deg=args.roll,
     )
     estimator = open_model(args.model)
     if args.calibrated != "matching" and estimator.calibration is None:
@@ -134,22 +141,41 @@ def run(args: Args) -> None:
 def _sun_hint(args: Args) -> "SunHint | None":
     from deeplight.estimators.sun import SunHint
 
-    hints = (args.sun, args.sun_at, args.shadow, args.shadow_top, args.pitch, args.roll)
+    hints = (args.sun, args.sun_at, args.shadow, args.shadow_top)
     return None if all(hint is None for hint in hints) else SunHint(*hints)
 
 
 def _lines(done: Sequence["SourceDone"]) -> list[str]:
     """A line for each photo or video, then what the user should know, once for all of them."""
     lines = []
-    notes: Counter[str] = Counter()
+    noted: dict[str, dict[str, str]] = {}  # the same note but for its numbers, by photo
     for one in done:
         if one.count > 1:
             made = f"{one.count} frames: {one.first[0]} to {one.last[0].name}"
         else:
             made = ", ".join([str(one.first[0]), *(file.name for file in one.first[1:])])
         lines.append(f"{escape(str(one.source.path))} -> {escape(made)}")
-        notes.update(one.notes)
-    for note, count in notes.items():
-        of_how_many = f"{count} of {len(done)}: " if len(done) > 1 else ""
-        lines.append(f"  [dim]{of_how_many}{escape(note)}[/dim]")
+        for note in one.notes:
+            noted.setdefault(_NUMBER.sub("#", note), {})[one.source.stem] = note
+    for notes in noted.values():
+        whose = f"{_named(list(notes), len(done))}: " if len(done) > 1 else ""
+        lines.append(f"  [dim]{escape(whose + _ranged(list(notes.values())))}[/dim]")
     return lines
+
+
+def _named(names: Sequence[str], of: int) -> str:
+    """Whose a note is: the first few by name."""
+    if len(names) == of:
+        return f"all {of}"
+    first, more = ", ".join(names[:MOST_NAMED]), len(names) - MOST_NAMED
+    return first if more <= 0 else f"{first} and {more} more"
+
+
+def _ranged(notes: Sequence[str]) -> str:
+    """Notes that differ by their numbers alone as one: "79 to 84%"."""
+    numbers = zip(*(_NUMBER.findall(note) for note in notes), strict=True)
+    ranges = iter(
+        some[0] if len(set(some)) == 1 else f"{min(some, key=float)} to {max(some, key=float)}"
+        for some in numbers
+    )
+    return _NUMBER.sub(lambda match: next(ranges), notes[0])

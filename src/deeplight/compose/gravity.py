@@ -1,8 +1,7 @@
 """How the camera stood: above which surface, how tilted, where the photo's EXIF data says so."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import degrees, radians
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
@@ -10,7 +9,7 @@ from jaxtyping import UInt8
 from deeplight.camera import PinholeCamera
 from deeplight.compose.ground import DEFAULT_PITCH_RAD, Viewpoint
 from deeplight.compose.horizon import tilt_of_photo
-from deeplight.io.tilt import Tilt, tilt_of
+from deeplight.io.tilt import Tilt, with_given
 
 
 @dataclass(frozen=True)
@@ -31,27 +30,20 @@ class CameraPlacement:
 
 
 def camera_tilt(
-    source: Path | str | None,
+    known: Tilt | None,
     camera: PinholeCamera,
     placement: CameraPlacement,
     photo: UInt8[np.ndarray, "height width 3"] | None = None,
     guess: Tilt | None = None,
 ) -> Tilt | None:
-    """The camera's tilt as given, else EXIF's, else what upright edges in the photo say, else the
-    guess; None where nothing says what the pitch is."""
-    pitch_deg, roll_deg = placement.pitch_deg, placement.roll_deg
-    tilt = tilt_of(source)
-    if tilt is None and photo is not None and pitch_deg is None:
+    """The camera's tilt as given, else EXIF's, which is known, else what upright edges in the photo
+    say, else the guess; None where nothing says what the pitch is."""
+    tilt = known
+    if tilt is None and photo is not None and placement.pitch_deg is None:
         seen = tilt_of_photo(photo, camera)
         if seen is not None:
             tilt = Tilt(seen.pitch_rad, seen.roll_rad, "upright edges in the photo")
-    tilt = tilt or guess
-    if pitch_deg is not None:
-        roll_rad = 0.0 if tilt is None else tilt.roll_rad
-        tilt = Tilt(radians(pitch_deg), roll_rad, "the pitch as given")
-    if tilt is not None and roll_deg is not None:
-        tilt = replace(tilt, roll_rad=radians(roll_deg))
-    return tilt
+    return with_given(tilt or guess, placement.pitch_deg, placement.roll_deg)
 
 
 def viewpoint_of(

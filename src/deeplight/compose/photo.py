@@ -61,7 +61,7 @@ def compose_photo(
     where = placement or CameraPlacement()
     estimate = network.explain(opened, where.fov_deg)
     framing, guess = estimate.framing, guessed_tilt(estimate.heads)
-    tilt = camera_tilt(opened.source, framing.camera, where, opened.pixels, guess)
+    tilt = camera_tilt(opened.tilt, framing.camera, where, opened.pixels, guess)
     if light is None:
         scene, found = scene_in_sun(estimate, sun, fill=fill, tilt=tilt)
         light = scene.environment

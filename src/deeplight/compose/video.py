@@ -131,7 +131,7 @@ def _begin(
     photo = Photo(first.rgb(), video)
     estimate = estimator.explain(photo, placement.fov_deg)
     framing, guess = estimate.framing, guessed_tilt(estimate.heads)
-    tilt = camera_tilt(video, framing.camera, placement, photo.pixels, guess)
+    tilt = camera_tilt(photo.tilt, framing.camera, placement, photo.pixels, guess)
     viewpoint, assumed = viewpoint_of(framing.camera, placement, tilt)
     light = factor * (estimate.lighting.latlong() if given is None else given)
     solids, notes = placed(viewpoint, items, framing.bottom, photo.pixels)

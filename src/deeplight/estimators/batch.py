@@ -18,6 +18,7 @@ from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.results import OutputSpec, write_results
 from deeplight.estimators.sources import Source, find_sources
 from deeplight.estimators.sun import SunHint, scene_in_sun
+from deeplight.estimators.upright import tilt_of_estimate
 from deeplight.formats.webxr import light_estimate_file
 from deeplight.io.atomic import results_folder
 from deeplight.io.orientation import TOOLS
@@ -37,6 +38,8 @@ class BatchSettings:
         seen_channel: also write what the photo shows as a channel of the .exr.
         sun: where the sun stands; None places it by EXIF data where it has both.
         fill: what to show where the photo does not look; see `estimators.fill`.
+        pitch_deg, roll_deg: of the camera, up and counter-clockwise; None takes EXIF's, else the
+            network's guess.
 
     Raises:
         ConfigError: a value that cannot be, or options that exclude each other.
@@ -51,18 +54,26 @@ class BatchSettings:
     seen_channel: bool = False
     sun: SunHint | None = None
     fill: Fill | None = "photo"
+    pitch_deg: float | None = None
+    roll_deg: float | None = None
 
     def __post_init__(self) -> None:
         if self.fov_deg is not None and not 0 < self.fov_deg < 180:
             got = f"{self.fov_deg:g}"
             raise ConfigError("--fov between 0 and 180 degrees", got, "correct it")
         check_height(self.height)
+        for name, angle in (("pitch", self.pitch_deg), ("roll", self.roll_deg)):
+            if angle is not None and not abs(angle) <= 90:
+                raise ConfigError(f"--{name} from -90 to 90 degrees", f"{angle:g}", "correct it")
+        if self.light_only and self._needs_the_photo:
+            expected = "--lamps-apart, --seen, --sun, --fill, --pitch with a photo in its light"
+            raise ConfigError(expected, "--light-only, which has no lamps and no photo", "drop one")
+
+    @property
+    def _needs_the_photo(self) -> bool:
+        tilted = self.pitch_deg is not None or self.roll_deg is not None
         filled = self.fill not in (None, "photo")
-        if self.light_only and (self.lamps_apart or self.seen_channel or self.sun or filled):
-            got = "--light-only, which has no lamps and no photo"
-            raise ConfigError(
-                "--lamps-apart, --seen, --sun, --fill with a photo in its light", got, "drop one"
-            )
+        return bool(self.lamps_apart or self.seen_channel or self.sun or filled or tilted)
 
 
 @dataclass(frozen=True)
@@ -160,7 +171,8 @@ def _lit(
     """The light to write, what is known of the sun, and notes on it."""
     if settings.light_only:
         return None, None, ()
-    scene, found = scene_in_sun(estimate, settings.sun, settings.height, settings.fill)
+    tilt = tilt_of_estimate(estimate, settings.pitch_deg, settings.roll_deg)
+    scene, found = scene_in_sun(estimate, settings.sun, settings.height, settings.fill, tilt)
     if found is None:
         return scene, None, ()
     return scene, found.sun.record(found.used), (found.note,)

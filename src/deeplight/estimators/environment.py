@@ -23,8 +23,8 @@ from deeplight.estimators.surroundings import (
     power_of,
     smooth_map,
 )
-from deeplight.estimators.upright import guessed_tilt
-from deeplight.io.tilt import Tilt, tilt_of
+from deeplight.estimators.upright import tilt_of_estimate
+from deeplight.io.tilt import Tilt
 from deeplight.lamp import Lamp, add_lamps
 from deeplight.lighting import Lighting
 from deeplight.lobe import concentration_of
@@ -53,7 +53,7 @@ class SceneLight:
         seen: 0 to 1, how much of a texel the photo shows; elsewhere the light is estimated.
         detail_of: whose detail was made up where nothing is seen, `ITSELF` or a place of the
             library; None if none was.
-        tilt: the camera's, by which the photo went on; None where it did not.
+        tilt: the camera's, as far as it is known.
     """
 
     rest: Float32[np.ndarray, "height width 3"]
@@ -115,8 +115,7 @@ def scene_light(
     pixels, fov = estimate.photo.pixels, estimate.framing.vertical_fov_rad
     height_px, width_px, _ = pixels.shape
     plane = ImagePlane.centred(height_px, width_px, fov)
-    if fill == "photo" and tilt is None:
-        tilt = tilt_of(estimate.photo.source) or guessed_tilt(estimate.heads)
+    tilt = tilt or tilt_of_estimate(estimate)
     return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill, tilt)
 
 
@@ -174,8 +173,8 @@ def assemble(
     rest[box] += (known - rest[box]) * photo.seen[box][..., None]
     if fill is None or fill == "photo":
         place = None if goes_on is None else ITSELF
-        return SceneLight(rest, found.lamps, photo.seen, place, goes_on)
+        return SceneLight(rest, found.lamps, photo.seen, place, tilt)
     rich, place = filled(rest, photo.seen, fill)
     unseen = 1 - photo.seen[..., None]
     rich = kept_power(rich * unseen, power_of(rest * unseen)) + rest * photo.seen[..., None]
-    return SceneLight(rich, found.lamps, photo.seen, place)
+    return SceneLight(rich, found.lamps, photo.seen, place, tilt)

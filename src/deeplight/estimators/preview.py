@@ -31,7 +31,7 @@ DARK_STOPS = -4.0
 """Exposure of the second environment: what is still bright there is a light source."""
 
 LABEL_GAP = 14
-"""Pixels between the words of two lamps' labels."""
+"""Pixels between the words of a lamp's label and what is above or below them."""
 LINE, COLUMNS = 24, (92, 200)
 """Of what is said of how sure the estimate is: pixels from line to line, and to the columns."""
 KNOWN = ("roughly known",)
@@ -202,22 +202,23 @@ def _mark_lamps(
 ) -> None:
     """Ring each lamp, in a direction of the panorama, and say how bright it is."""
     width, height = LIGHT_SIZE
-    taken: list[Box] = []
-    for number, (direction, lamp) in enumerate(lamps):
+    rings: list[Box] = []
+    for direction, lamp in lamps:
         (row,), (column,) = position(direction[None], height, width)
         x, y = at[0] + float(column), at[1] + float(row)
         size = max(10.0, lamp.angular_radius_rad / np.pi * height + 6)
-        for more, colour in ((1, PAPER), (0, ACCENT)):
-            reach = size + more
-            box = (x - reach, y - reach, x + reach, y + reach)
-            draw.ellipse(box, outline=colour, width=2 + 2 * more)
+        rings.append((x - size, y - size, x + size, y + size))
+        draw.ellipse((x - size - 1, y - size - 1, x + size + 1, y + size + 1), None, PAPER, 4)
+        draw.ellipse(rings[-1], outline=ACCENT, width=2)
+    taken = list(rings)  # no label covers a ring or another label
+    for number, ((_, lamp), (x0, y0, x1, y1)) in enumerate(zip(lamps, rings, strict=True)):
         label = f"{'main light' if number == 0 else 'light'}, {lamp.radiance.max():.0f} x white"
         if not known and number == 0:
             label += ", direction not known"
-        to_left = x > at[0] + width / 2
-        anchor = "rm" if to_left else "lm"
-        across = x - size - 14 if to_left else x + size + 14
-        taken.append(_free(draw.textbbox((across, y), label, _font(16), anchor), taken, at[1]))
+        to_left = x0 + x1 > 2 * at[0] + width
+        across, anchor = (x0 - 14, "rm") if to_left else (x1 + 14, "lm")
+        box = draw.textbbox((across, (y0 + y1) / 2), label, _font(16), anchor)
+        taken.append(_free(box, taken, at[1]))
         left, upper, right, lower = taken[-1]
         around = (left - 6, upper - 4, right + 6, lower + 4)
         draw.rounded_rectangle(around, 5, fill=PAPER)  # a white sky would swallow bare letters
@@ -228,7 +229,7 @@ def _free(box: Box, taken: Sequence[Box], top: float) -> Box:
     """The box, moved up or down by the least that takes it off the others and into the picture."""
     left, upper, right, lower = box
     height = lower - upper + LABEL_GAP
-    steps = sorted(range(-2 * len(taken), 2 * len(taken) + 1), key=abs)
+    steps = sorted(range(-4 * len(taken), 4 * len(taken) + 1), key=abs)
     for step in steps:
         moved = (left, upper + step * height / 2, right, lower + step * height / 2)
         inside = moved[1] >= top and moved[3] <= top + LIGHT_SIZE[1]
@@ -239,7 +240,8 @@ def _free(box: Box, taken: Sequence[Box], top: float) -> Box:
 
 def _overlap(one: Box, other: Box) -> bool:
     apart = one[2] < other[0] or other[2] < one[0]
-    return not (apart or one[3] + LABEL_GAP / 2 < other[1] or other[3] + LABEL_GAP / 2 < one[1])
+    gap = LABEL_GAP - 1  # against rounding
+    return not (apart or one[3] + gap < other[1] or other[3] + gap < one[1])
 
 
 def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:

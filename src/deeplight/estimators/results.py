@@ -25,6 +25,7 @@ from deeplight.io.lighting_file import (
     seen_record,
 )
 from deeplight.io.photos import write_png
+from deeplight.io.tilt import Tilt
 from deeplight.preprocess import frame_photo
 
 FULL_DISK_BYTES = 2**22
@@ -116,6 +117,8 @@ def _written(
         seen = scene.seen if spec.seen_channel else None
         facts["lamps"] = lamps_record(scene.lamps, in_environment=not spec.lamps_apart)
         facts["seen"] = seen_record(scene.seen) | _elsewhere(scene)
+        if scene.tilt is not None:
+            facts["camera_tilt"] = _tilt_record(scene.tilt)
     files = save_lighting(
         lighting,
         stem,
@@ -143,6 +146,19 @@ def _elsewhere(scene: SceneLight) -> dict[str, Any]:
     if scene.detail_of == ITSELF:
         return {"elsewhere": "estimated, brought to the means of the rows that the photo shows"}
     return {"elsewhere": "estimated, its detail invented", "detail_of": scene.detail_of}
+
+
+def _tilt_record(tilt: Tilt) -> dict[str, Any]:
+    """The tilt that the photo went on by and the preview is level by."""
+    return {
+        "pitch_deg": degrees(tilt.pitch_rad),
+        "roll_deg": degrees(tilt.roll_rad),
+        "meaning": "pitch: up is positive; roll: counter-clockwise is positive; scale: two of "
+        "three such pitches are less off, 0 where it is known",
+        "scale_deg": degrees(tilt.scale_rad),
+        "source": tilt.source,
+        "up": tilt.up.tolist(),
+    }
 
 
 def _moved(files: list[Path], folder: Path) -> list[Path]:

@@ -5,8 +5,7 @@ Power and colour stay the estimate's: only the place and the size of its light b
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from math import radians
-from pathlib import Path
+from math import degrees, radians
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from deeplight.estimators.environment import HEIGHT, SceneLight, scene_light
 from deeplight.estimators.fill import Fill
 from deeplight.estimators.network import Estimate
 from deeplight.frames import Rotation
-from deeplight.io.tilt import Tilt, tilt_of
+from deeplight.io.tilt import Tilt
 from deeplight.io.whereabouts import Whereabouts, whereabouts_of
 from deeplight.lamp import SUN_ANGULAR_RADIUS_RAD, Lamp
 from deeplight.lighting import Lighting
@@ -72,7 +71,6 @@ class SunHint:
         pixel: (x, y) of the upright photo, also outside it.
         shadow: pixels (x, y) of the foot of something upright and of its shadow's tip.
         shadow_top: pixel of its upper end; left out, the sun's elevation is the estimate's.
-        pitch_deg, roll_deg: of the camera; left out, EXIF's, else 0.
 
     Raises:
         ConfigError: none or several of the first three, or numbers that are none.
@@ -82,27 +80,16 @@ class SunHint:
     pixel: tuple[float, float] | None = None
     shadow: tuple[float, float, float, float] | None = None
     shadow_top: tuple[float, float] | None = None
-    pitch_deg: float | None = None
-    roll_deg: float | None = None
 
     def __post_init__(self) -> None:
         ways = [way for way in (self.angles_deg, self.pixel, self.shadow) if way is not None]
         if len(ways) != 1:
             got = f"{len(ways)} of them"
             raise ConfigError("one of --sun, --sun-at and --shadow", got, "give one")
-        if self.shadow is None and (self.shadow_top or self.pitch_deg or self.roll_deg):
-            do = "give --shadow, or leave them out"
-            raise ConfigError("--shadow-top, --pitch, --roll with a shadow", "no --shadow", do)
+        if self.shadow is None and self.shadow_top:
+            raise ConfigError("--shadow-top with a shadow", "no --shadow", "give one, or drop it")
         if not np.isfinite([value for way in ways for value in way]).all():
             raise ConfigError("numbers for the sun", f"{ways[0]}", "correct them")
-
-    @property
-    def tilt(self) -> Tilt | None:
-        """The camera's as given."""
-        if self.pitch_deg is None and self.roll_deg is None:
-            return None
-        given = radians(self.pitch_deg or 0.0), radians(self.roll_deg or 0.0)
-        return Tilt(*given, "the camera's tilt as given")
 
     def sun(self, estimate: Estimate, scene: SceneLight) -> "Sun":
         """The sun of one photo."""
@@ -113,13 +100,12 @@ class SunHint:
         if self.pixel is not None:
             return sun_at_pixel(camera, *self.pixel)
         assert self.shadow is not None
-        tilt = self.tilt or tilt_of(estimate.photo.source)
         high = None
         if scene.lamps:
-            up = frames.turned(scene.lamps[0].direction, _world(tilt))[1]
+            up = frames.turned(scene.lamps[0].direction, _world(scene.tilt))[1]
             high = float(np.arcsin(np.clip(up, np.sin(np.radians(5)), np.sin(np.radians(85)))))
         foot, tip = self.shadow[:2], self.shadow[2:]
-        return sun_from_shadow(camera, tilt, foot, tip, self.shadow_top, high)
+        return sun_from_shadow(camera, scene.tilt, foot, tip, self.shadow_top, high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +126,12 @@ def find_sun(estimate: Estimate, scene: SceneLight, hint: SunHint | None) -> Fou
     if hint is not None:
         sun = hint.sun(estimate, scene)
     else:
-        found = sun_from_photo(estimate.photo.source)
-        if found is None:
+        taken = whereabouts_of(estimate.photo.exif)
+        found = None if taken is None else sun_of(taken, scene.tilt)
+        if taken is None or found is None:
             return None
         sun = found
-        if not is_daylight(estimate.lighting, estimate.photo.source):
+        if not is_daylight(estimate.lighting, taken.exposure_value, estimate.photo.tilt):
             note = "the photo says where the sun was, but not that it was outdoors by day: not used"
             return FoundSun(sun, scene, False, note)
     if not scene.lamps:
@@ -163,7 +150,7 @@ def scene_in_sun(
     tilt: Tilt | None = None,
 ) -> tuple[SceneLight, FoundSun | None]:
     """Put a photo into its light as `scene_light` does, its sun where `find_sun` finds it."""
-    scene = scene_light(estimate, height, fill, tilt or (hint.tilt if hint else None))
+    scene = scene_light(estimate, height, fill, tilt)
     found = find_sun(estimate, scene, hint)
     return (scene if found is None else found.scene), found
 
@@ -226,23 +213,9 @@ def sun_from_shadow(
     across = along / length * np.cos(elevation_rad)
     direction = np.array([across[0], np.sin(elevation_rad), across[1]])
     known = "and its upper end" if top is not None else "its elevation from the estimate"
-    uncertain = 5.0 if top is not None and tilt is not None else UNKNOWN_TILT_DEG
-    source = f"from a shadow, {known}, {tilt.source if tilt else 'the camera taken as level'}"
+    uncertain = float(np.hypot(5.0, _tilt_off_deg(tilt))) if top is not None else UNKNOWN_TILT_DEG
+    source = f"from a shadow, {known}, {_tilt_in_words(tilt)}"
     return Sun(frames.turned(direction, world.T), source, uncertain)
-
-
-def sun_from_photo(path: Path | str | None, tilt: Tilt | None = None) -> Sun | None:
-    """From a photo's EXIF data: GPS position, UTC time and compass heading; None without them.
-
-    Args:
-        path: of the photo.
-        tilt: of the camera, where it is known better than from the photo.
-
-    Raises:
-        MissingExtraError: the data are there, but not the library for the ephemeris.
-    """
-    taken = whereabouts_of(path)
-    return None if taken is None else sun_of(taken, tilt or tilt_of(path))
 
 
 def sun_of(taken: Whereabouts, tilt: Tilt | None) -> Sun | None:
@@ -264,23 +237,21 @@ def sun_of(taken: Whereabouts, tilt: Tilt | None) -> Sun | None:
     right = radians(azimuth(observer, taken.time) - north)
     level = np.array([np.cos(high) * np.sin(right), np.sin(high), -np.cos(high) * np.cos(right)])
     parts = [f"GPS position and time, {taken.north} compass heading"]
-    parts.append(tilt.source if tilt else "the camera taken as level")
+    parts.append(_tilt_in_words(tilt))
     uncertain = COMPASS_DEG * float(np.cos(high))
-    if tilt is None:
-        uncertain = float(np.hypot(uncertain, UNKNOWN_TILT_DEG))
+    uncertain = float(np.hypot(uncertain, _tilt_off_deg(tilt)))
     return Sun(frames.turned(level, _world(tilt).T), ", ".join(parts), max(uncertain, 1.0))
 
 
-def is_daylight(lighting: Lighting, path: Path | str | None, tilt: Tilt | None = None) -> bool:
+def is_daylight(lighting: Lighting, exposure_value: float | None, tilt: Tilt | None) -> bool:
     """Whether a photo was taken outdoors by day.
 
-    Its exposure says, where EXIF has it. Else the estimate must have much more light from above
-    than from below, which holds for four of five outdoor scenes and for half of the rooms too.
+    Its exposure says (at ISO 100), where EXIF has it. Else the estimate must have much more light
+    from above than from below, by the tilt that EXIF gives or level, which holds for four of five
+    outdoor scenes and for half of the rooms too.
     """
-    taken = whereabouts_of(path)
-    if taken is not None and taken.exposure_value is not None:
-        return taken.exposure_value >= DAYLIGHT_EXPOSURE
-    tilt = tilt or tilt_of(path)
+    if exposure_value is not None:
+        return exposure_value >= DAYLIGHT_EXPOSURE
     directions = mirror_ball.pixel_directions(lighting.size)
     up = frames.turned(directions, _world(tilt))[..., 1]
     luminance = lighting.radiance @ LUMINANCE
@@ -319,6 +290,15 @@ def _declination_deg(taken: Whereabouts) -> float:
         allow_date_outside_lifespan=True,
     )
     return float(found.d)
+
+
+def _tilt_off_deg(tilt: Tilt | None) -> float:
+    """How far off a tilt may be."""
+    return UNKNOWN_TILT_DEG if tilt is None else degrees(tilt.scale_rad)
+
+
+def _tilt_in_words(tilt: Tilt | None) -> str:
+    return f"the camera's tilt by {tilt.source}" if tilt else "the camera taken as level"
 
 
 def _world(tilt: Tilt | None) -> Rotation:

@@ -13,7 +13,6 @@ from deeplight.frames import Rotation
 from deeplight.fuse.track import WORKING_SIDE
 from deeplight.io.exif import exif_directories, number
 from deeplight.io.photos import Photo
-from deeplight.io.tilt import tilt_of
 from deeplight.preprocess import frame_photo
 
 
@@ -47,7 +46,6 @@ class SourceFrame:
 def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> SourceFrame:
     """A photo as a frame: made small, its exposure read."""
     exposure = math.nan if photo.source is None else log_exposure_of(photo.source)
-    tilt = tilt_of(photo.source)
     return SourceFrame(
         name,
         shrunk(photo.pixels),
@@ -56,7 +54,7 @@ def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> Sourc
         photo.vertical_fov_rad,
         exposure,
         notes=photo.notes,
-        up=None if tilt is None else tilt.up,
+        up=None if photo.tilt is None else photo.tilt.up,
     )
 
 

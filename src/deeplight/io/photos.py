@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from PIL import Image
 from deeplight.errors import ImageFileError
 from deeplight.io.atomic import replacing
 from deeplight.io.boundary import reading, reads
-from deeplight.io.exif import upright
+from deeplight.io.exif import ExifDirectories, exif_directories, upright
 from deeplight.io.image_file import first_bytes
 from deeplight.io.photo_decoders import (
     MIN_SIDE,
@@ -22,6 +23,7 @@ from deeplight.io.photo_decoders import (
     stored_of_pillow,
 )
 from deeplight.io.raw import RAW_SUFFIXES
+from deeplight.io.tilt import Tilt, tilt_of
 
 PHOTO_SUFFIXES = frozenset(
     ".avif .bmp .gif .heic .heif .jfif .jp2 .jpeg .jpg .jxl .png .tif .tiff .webp".split()
@@ -54,6 +56,16 @@ class Photo:
         """Height and width of the upright photo in its file: what users' pixels are of."""
         height, width, _ = self.pixels.shape
         return self.reduced_from or (height, width)
+
+    @cached_property
+    def exif(self) -> ExifDirectories:
+        """All that its file says of how it was taken, read once; nothing of pixels from memory."""
+        return ExifDirectories() if self.source is None else exif_directories(self.source)
+
+    @cached_property
+    def tilt(self) -> Tilt | None:
+        """The camera's, where EXIF has it."""
+        return tilt_of(self.exif)
 
 
 @reads

@@ -1,15 +1,14 @@
 """How the camera was tilted, where the photo's EXIF data says."""
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import asin, atan2, hypot, isfinite, radians
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from deeplight.frames import Rotation, world_from_camera
-from deeplight.io.exif import exif_directories, number
+from deeplight.io.exif import ExifDirectories, number
 
 _MAKER_NOTE, _ELEVATION = 0x927C, 0x9405
 _APPLE = b"Apple iOS\0"
@@ -39,14 +38,21 @@ class Tilt:
         return self.level_from_camera[1]
 
 
-def tilt_of(path: Path | str | None) -> Tilt | None:
-    """Read the tilt from EXIF: an iPhone's acceleration, else CameraElevationAngle.
+def with_given(tilt: Tilt | None, pitch_deg: float | None, roll_deg: float | None) -> Tilt | None:
+    """A tilt with what somebody says of it; None where nothing says what the pitch is."""
+    if pitch_deg is not None:
+        roll_rad = 0.0 if tilt is None else tilt.roll_rad
+        tilt = Tilt(radians(pitch_deg), roll_rad, "the pitch as given")
+    if tilt is not None and roll_deg is not None:
+        tilt = replace(tilt, roll_rad=radians(roll_deg))
+    return tilt
 
-    None where the file has neither, or says that it is unknown, or nonsense.
+
+def tilt_of(exif: ExifDirectories) -> Tilt | None:
+    """The tilt that EXIF gives: an iPhone's acceleration, else CameraElevationAngle.
+
+    None where it has neither, or says that it is unknown, or nonsense.
     """
-    if path is None:
-        return None
-    exif = exif_directories(Path(path))
     camera = exif.camera
     note, elevation = camera.get(_MAKER_NOTE), number(camera.get(_ELEVATION))
     if isinstance(note, bytes) and note.startswith(_APPLE):

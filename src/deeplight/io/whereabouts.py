@@ -7,10 +7,9 @@ import struct
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from math import log2
-from pathlib import Path
 from typing import Any, Literal
 
-from deeplight.io.exif import exif_directories, number
+from deeplight.io.exif import ExifDirectories, number
 
 _LATITUDE, _LONGITUDE, _ALTITUDE_M, _TIME, _HEADING, _DATE = 2, 4, 6, 7, 17, 29
 _TAKEN, _OFFSET = 0x9003, 0x9011  # DateTimeOriginal, OffsetTimeOriginal
@@ -41,12 +40,9 @@ class Whereabouts:
     exposure_value: float | None = None
 
 
-def whereabouts_of(path: Path | str | None) -> Whereabouts | None:
-    """Read GPS position, UTC time and GPSImgDirection; None where one is missing or nonsense."""
-    if path is None:
-        return None
+def whereabouts_of(exif: ExifDirectories) -> Whereabouts | None:
+    """GPS position, UTC time and GPSImgDirection; None where one is missing or nonsense."""
     try:
-        exif = exif_directories(Path(path))
         gps, camera = exif.gps, exif.camera
         latitude = _angle(gps[_LATITUDE], gps.get(_LATITUDE - 1, "N"), "S")
         longitude = _angle(gps[_LONGITUDE], gps.get(_LONGITUDE - 1, "E"), "W")
