@@ -49,6 +49,17 @@ def test_a_failure_keeps_the_old_file_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="files are for nobody or everybody there")
+@pytest.mark.parametrize("made", [0o600, 0o666])
+def test_who_may_read_a_file_is_not_for_a_library_to_say(tmp_path: Path, made: int) -> None:
+    (tmp_path / "own").touch()
+    with replacing(tmp_path / "weights.safetensors") as temporary:
+        temporary.write_text("whole")
+        temporary.chmod(made)
+    modes = {(tmp_path / name).stat().st_mode for name in ("own", "weights.safetensors")}
+    assert len(modes) == 1
+
+
 def test_a_block_that_writes_nothing_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), replacing(tmp_path / "light.exr"):
         pass

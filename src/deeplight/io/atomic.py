@@ -8,6 +8,7 @@ import re
 import secrets
 import shutil
 import socket
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -44,8 +45,10 @@ def replacing(path: Path | str) -> Iterator[Path]:
     _remove_leftovers(path.parent.resolve())
     temporary = path.with_name(_temporary_name(path))
     try:
+        mode = _usual_mode(temporary)
         yield temporary
         _settle(temporary, path)
+        temporary.chmod(mode)
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
@@ -91,6 +94,17 @@ def _temporary_name(path: Path) -> str:
     # Image libraries want UTF-8; and an early part of a name says enough.
     stem = path.stem.encode("utf-8", "replace")[: MAX_NAME_BYTES - 1 - len(os.fsencode(end))]
     return f".{stem.decode('utf-8', 'ignore')}{end}"
+
+
+def _usual_mode(temporary: Path) -> int:
+    """Find who may read a file that is made here; some libraries make theirs for the owner alone.
+
+    Asking the process for it would change it for a moment, for other threads as well.
+    """
+    temporary.touch()
+    mode = temporary.stat().st_mode
+    temporary.unlink()
+    return stat.S_IMODE(mode)
 
 
 def _settle(temporary: Path, path: Path) -> None:
