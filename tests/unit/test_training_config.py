@@ -1,12 +1,17 @@
 """Presets, settings and the schedule."""
 
 import json
+import shutil
+import subprocess
 import tomllib
 from dataclasses import asdict
+from importlib.metadata import version
+from importlib.util import module_from_spec, spec_from_file_location
 
 import pytest
 
 from deeplight.errors import ConfigError
+from deeplight.report import run_record
 from deeplight.report.run_record import write_run_toml
 from deeplight.sphere import SPHERES
 from deeplight.training.config import differences, flatten
@@ -135,3 +140,21 @@ def test_run_toml_holds_the_settings(tmp_path):
         section, _, name = key.partition(".")
         if value is not None:
             assert read[section][name] == (list(value) if isinstance(value, tuple) else value)
+
+
+@pytest.mark.parametrize("around", ["nothing", "another repository"])
+def test_an_installed_package_names_its_version_in_place_of_a_commit(tmp_path, around):
+    copied = tmp_path / ".venv" / "run_record.py"
+    copied.parent.mkdir()
+    shutil.copy(run_record.__file__, copied)
+    if around != "nothing":
+        (tmp_path / "own.txt").write_text("theirs")
+        name = ("-c", "user.name=a", "-c", "user.email=a@b.c")
+        for words in (("init", "-q"), ("add", "own.txt"), (*name, "commit", "-qm", "a")):
+            subprocess.run(("git", *words), cwd=tmp_path, check=True)
+    spec = spec_from_file_location("installed_run_record", copied)
+    installed = module_from_spec(spec)
+    spec.loader.exec_module(installed)
+    installed.write_run_toml(tmp_path, {}, {})
+    facts = tomllib.loads((tmp_path / "run.toml").read_text())["run_facts"]
+    assert facts["commit"] == f"deeplight {version('deeplight')}"

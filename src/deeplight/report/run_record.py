@@ -61,12 +61,15 @@ def _versions() -> dict[str, str]:
 
 
 def _commit() -> str:
-    """Give the commit of the package, with -dirty if files were changed; "unknown" without git."""
+    """Give the commit of the package, with -dirty if files were changed; installed without its
+    repository (which another one may lie around), its name and version."""
     command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
+    own = ["git", "ls-files", "--error-unmatch", Path(__file__).name]
     try:
-        result = subprocess.run(
-            command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
-        )
+        for words in (own, command):
+            result = subprocess.run(
+                words, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
+            )
     except (OSError, subprocess.CalledProcessError):
-        return "unknown"
+        return f"deeplight {_versions().get('deeplight', 'of unknown version')}"
     return result.stdout.strip()
