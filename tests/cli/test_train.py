@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from deeplight.cli.main import main
-from deeplight.cli.train import finish
+from deeplight.cli.train import TrainProgress, finish
 from deeplight.errors import ConfigError, ModelError
 from deeplight.training import checkpoint
 from deeplight.training.config import RunConfig
 from deeplight.training.devices import fabric
+from deeplight.training.loop import Progress
 from deeplight.training.network.imagenet import read_folded
 from deeplight.training.presets import preset
 
@@ -80,3 +81,13 @@ def test_a_run_prints_at_the_end_which_step_was_best(tmp_path, capsys):
     checkpoint.save(tmp_path / checkpoint.BEST, header, generator={})
     finish(tmp_path, "data", None)
     assert capsys.readouterr().out.startswith(f"{tmp_path}: best at step 7; look at ")
+
+
+def test_a_log_says_what_goes_on_before_the_first_loss(capsys):
+    with TrainProgress() as progress:
+        progress.show(Progress(0, 0, float("nan"), 0.0))
+        progress.show(Progress(40, 900, float("nan"), 0.0))
+    assert capsys.readouterr().err.splitlines() == [
+        "reading the data, fitting the best constant lighting",
+        "training from step 40 of 900",
+    ]

@@ -5,7 +5,7 @@ to a file or a log, it is a line now and then.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
 from types import TracebackType
@@ -13,7 +13,9 @@ from typing import Self
 
 from rich.console import Console
 from rich.markup import escape
+from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 SECONDS_BETWEEN_LINES = 30.0
 """How often a bar that nobody sees writes a line."""
@@ -22,6 +24,15 @@ SECONDS_BETWEEN_LINES = 30.0
 def results_console() -> Console:
     """The console of results: stdout, lines never wrapped, paths never coloured."""
     return Console(highlight=False, soft_wrap=True)
+
+
+def print_tables(tables: Sequence[Table]) -> None:
+    """Print results to stdout with all their columns: a narrower terminal wraps the lines."""
+    console = Console(highlight=False)
+    unbounded = console.options.update(max_width=10_000)
+    widths = [Measurement.get(console, unbounded, table).maximum for table in tables]
+    console.width = max(console.width, *widths)
+    console.print(*tables)
 
 
 def notes_console() -> Console:
@@ -85,6 +96,11 @@ class ProgressBar:
     def name(self, description: str) -> None:
         """Say what is being worked on."""
         self._progress.update(self._task, description=escape(description))
+
+    def say(self, line: str) -> None:
+        """Print what begins now, where no bar shows it."""
+        if self._lines:
+            self.console.print(line, markup=False)
 
     def _line(self) -> None:
         if not self._lines or time.monotonic() < self._next_line:

@@ -8,6 +8,7 @@ Run again with the same arguments, it goes on where it was stopped, on any numbe
 folder holds run.toml, losses.csv, validation.csv, curves.png, the checkpoints and best.safetensors.
 """
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -106,12 +107,14 @@ def finish(run_dir: Path, data: str, path: Path | None) -> None:
         console.print(f"wrote {path}", markup=False)
 
 
+_READING = "reading the data, fitting the best constant lighting"
+
+
 class TrainProgress(ProgressBar):
     """The bar of a training: loss, images per second, and a table after each validation."""
 
     def __init__(self, quiet: bool = False) -> None:
-        start = "reading the data, fitting the best constant lighting"
-        super().__init__(start, None, quiet)
+        super().__init__(_READING, None, quiet)
 
     def show(self, standing: "Standing") -> None:
         """Move the bar; print the validation if there was one."""
@@ -119,7 +122,14 @@ class TrainProgress(ProgressBar):
             self.name("fitting light to examples")
             self.reach(*standing.fitted)
             return
-        self.name(f"loss {standing.loss:.4f}, {standing.images_per_second:.1f} images/s")
+        if not standing.total:
+            self.say(_READING)
+            return
+        if math.isnan(standing.loss):
+            self.name("training")
+            self.say(f"training from step {standing.step} of {standing.total}")
+        else:
+            self.name(f"loss {standing.loss:.4f}, {standing.images_per_second:.1f} images/s")
         self.reach(standing.step, standing.total)
         if standing.errors:
             self.console.print(_validation_table(standing))

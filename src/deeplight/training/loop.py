@@ -64,10 +64,14 @@ def train(
     with only_run(run_dir):
         bases = Path(config.loss.bases) if config.loss.bases else None
         sources = Sources(data_dir, more, bases)
-        setup = set_up(sources, run_dir, config, imagenet, weights, fitting(watch), fresh)
+        setup = set_up(
+            sources, run_dir, config, imagenet, weights, fitting(watch), fresh, reading(watch)
+        )
         run = Run(setup)
         try:
             run.compare_with_constant()
+            if run.share.rank == 0:
+                watch(Progress(run.step, setup.data.steps, float("nan"), 0.0))
             for batch in run.batches():
                 terms = run.train_step(batch)
                 overdue = run.overdue()
@@ -86,7 +90,9 @@ class Progress:
 
     step: int
     total: int
+    """0 while the data is read, before the first step."""
     loss: float
+    """Mean over the steps since the last one shown; NaN before the first."""
     images_per_second: float
     errors: Sequence[SphereErrors] = ()
     """Of a validation that has just been done."""
@@ -95,6 +101,11 @@ class Progress:
 
 
 Watch = Callable[[Progress], None]
+
+
+def reading(watch: Watch) -> Callable[[], None]:
+    """Let `watch` see that nothing is wrong and the data is read."""
+    return lambda: watch(Progress(0, 0, float("nan"), 0.0))
 
 
 def fitting(watch: Watch) -> Callable[[int, int], None]:

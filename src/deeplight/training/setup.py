@@ -115,8 +115,13 @@ def set_up(
     weights: Path | None = None,
     fitted: Counted = lambda done, count: None,
     fresh: Epochs | None = None,
+    reading: Callable[[], None] = lambda: None,
 ) -> Setup:
-    """Build a run, or put the state of its newest checkpoint back; see `loop.train`."""
+    """Build a run, or put the state of its newest checkpoint back; see `loop.train`.
+
+    The first process calls `reading` when nothing is left to refuse but weights, before what takes
+    time.
+    """
     manifest = with_fresh(sources.fingerprint, fresh, sources.held_out)
     resumed = checkpoint.latest(run_dir)
     saved = checkpoint.load(resumed) if resumed else None
@@ -126,6 +131,8 @@ def set_up(
     data = _open(sources, config, fresh)
     fabric.launch()  # after everything that refuses: one process reports it
     share = Share(fabric.global_rank, fabric.world_size)
+    if share.rank == 0:
+        reading()
     data.bases.to(fabric.device)
     source = source_of(data.examples, config, fabric.device, share, data.fresh)
     validation = _validation(data, config, fabric.device, share)
