@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from deeplight.deploy.benchmark import BenchmarkRow
 
-WIDTH = 130  # columns of text that the table needs; a narrower terminal wraps its lines
-
 
 @dataclass(frozen=True)
 class Args:
@@ -51,10 +49,8 @@ class Args:
 
 def run(args: Args) -> None:
     """Measure with a progress bar, print the table, write the files."""
-    from rich.console import Console
-
     from deeplight.cli.flags import refuse_unused
-    from deeplight.cli.screen import progress_bar
+    from deeplight.cli.screen import print_tables, progress_bar
     from deeplight.deploy.benchmark import measure_speed, write_benchmark
     from deeplight.estimators.onnx import shipped_model
 
@@ -72,7 +68,7 @@ def run(args: Args) -> None:
             models, args.threads, args.rounds, args.without_xnnpack, errors, show
         )
     machine["split"] = args.split if args.data else None
-    Console(width=max(WIDTH, Console().width)).print(_table(rows, machine))
+    print_tables([_table(rows, machine)])
     if args.out is not None:
         write_benchmark(args.out, rows, machine)
 

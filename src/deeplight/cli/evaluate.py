@@ -47,7 +47,7 @@ class Args:
 
 
 def run(args: Args) -> None:
-    from deeplight.cli.screen import progress_bar
+    from deeplight.cli.screen import print_tables, progress_bar
     from deeplight.evaluate.command import Wanted, evaluation, opened
     from deeplight.evaluate.files import check_can_write, write_files
     from deeplight.evaluate.tables import all_tables
@@ -70,7 +70,7 @@ def run(args: Args) -> None:
         check_can_write(args.out)
         with progress_bar("evaluating") as bar:
             found = evaluation(wanted, bar.begin, bar)
-        rich.print(*(table for result in found.results for table in all_tables(result)))
+        print_tables([table for result in found.results for table in all_tables(result)])
         if args.leaderboard is not None:
             from deeplight.evaluate.leaderboard import update_leaderboard
 

@@ -91,13 +91,13 @@ def _show(certificate: "Certificate", files: "Sequence[Path]") -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from deeplight.cli.screen import results_console
+    from deeplight.cli.screen import print_tables, results_console
 
     console = results_console()
     table = Table("sphere", "furnace", "expected", "lowest", "highest", "colour")
     for name, sphere in certificate.spheres.items():
         table.add_row(escape(name), *_cells(sphere))
-    console.print(table)
+    print_tables([table])
     for name, sphere in certificate.spheres.items():
         (x, y), (major, minor) = sphere.centre_px, sphere.axes_px
         place = f"found at {x:.2f}, {y:.2f} px with half axes {major:.2f}, {minor:.2f} px"
