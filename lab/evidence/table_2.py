@@ -70,6 +70,8 @@ class Args:
     """What the rivals' encoders start from: ImageNet's MobileNetV2 (.npz), or a network of ours."""
     published: bool = False
     """Each rival once more with its paper's own encoder, which starts from nothing."""
+    published_steps: int = 500
+    """Of those trainings."""
     published_width: float = 1.0
     """Channels of that, as a share of the paper's."""
     examples: int | None = None
@@ -89,14 +91,15 @@ def trained(scene: str, preset: str, args: Args) -> Rival:
     path = args.out / f"{preset}.safetensors"
     if path.is_file():
         return load_rival(path)
-    config, epoch = PRESETS[preset], max(1, args.steps // FILTER_EPOCHS)
-    views = replace(config.views, per_panorama=args.views or config.views.per_panorama)
-    config = replace(config, views=views, steps=args.steps, epoch_steps=epoch)
+    config, steps = PRESETS[preset], args.steps
     if config.encoder == "published":
-        config = replace(config, width=args.published_width)
+        config, steps = replace(config, width=args.published_width), args.published_steps
+    views = replace(config.views, per_panorama=args.views or config.views.per_panorama)
+    epoch = max(1, steps // FILTER_EPOCHS)
+    config = replace(config, views=views, steps=steps, epoch_steps=epoch)
     pairs, held_out = (pairs_in(args, split, scene, views) for split in ("train", "val"))
     path.parent.mkdir(parents=True, exist_ok=True)
-    with progress_bar(f"{preset}: {len(pairs)} views", args.steps) as bar:
+    with progress_bar(f"{preset}: {len(pairs)} views", steps) as bar:
         rival = train_rival(
             config,
             pairs,

@@ -19,7 +19,14 @@ from deeplight.evaluate.panorama_estimates import panorama_estimates
 from deeplight.evaluate.rivals import gardner_2017, hold_geoffroy_2017
 from deeplight.evaluate.rivals.crops import HEIGHT, Pair, ViewPlan, all_pairs, drawn_elevation
 from deeplight.evaluate.rivals.predict import write_answers
-from deeplight.evaluate.rivals.rival import PRESETS, RivalConfig, inputs_of, load_rival
+from deeplight.evaluate.rivals.rival import (
+    PRESETS,
+    Rival,
+    RivalConfig,
+    inputs_of,
+    load_rival,
+    new_network,
+)
 from deeplight.evaluate.rivals.sky import Sky, brightest_region, fitted_sky, sky_radiance
 from deeplight.evaluate.rivals.training import Lessons, read_features, train_rival
 from deeplight.frames import normalised, rotation, turned
@@ -265,6 +272,26 @@ def test_each_learns_eight_examples_by_heart(preset: str, tmp_path: Path) -> Non
     write_answers(again, data.index("val"), range(3), tmp_path / "answers")
     (method,) = panorama_estimates([f"rival={tmp_path / 'answers'}"])
     assert np.isfinite(method.estimate_keys(data.index("val").keys)).all()
+
+
+@pytest.mark.parametrize("preset", ["gardner_2017", "hold_geoffroy_2017"])
+def test_bfloat16_changes_a_loss_by_less_than_a_hundredth(preset: str, pairs: list[Pair]) -> None:
+    """And only convolutions and dense layers have it: answers, weights and slopes are float32."""
+    losses, slopes = [], []
+    for precision in ("32-true", "bf16-mixed"):
+        torch.manual_seed(3)
+        config = replace(smaller(PRESETS[preset], 0.1, (48, 64)), precision=precision)
+        rival = Rival(config, new_network(config), {})
+        lessons = Lessons(rival, pairs)
+        rows = np.arange(len(pairs))
+        assert all(answer.dtype == torch.float32 for answer in lessons.answer(rows))
+        value = lessons.loss(rows, 1.0)
+        value.backward()
+        losses.append(float(value))
+        slopes.append(torch.cat([p.grad.flatten() for p in rival.network.parameters()]))
+    assert losses[0] != losses[1]
+    assert losses[1] == pytest.approx(losses[0], rel=0.01)
+    assert torch.cosine_similarity(*slopes, dim=0) > 0.98
 
 
 def small_start(path: Path) -> Path:

@@ -109,8 +109,8 @@ class Gardner2017(nn.Module):
     def heads(self, features: Features) -> tuple[Maps, Intensities]:
         """The same from what the encoder gave."""
         latent = self.latent(features.flatten(1))
-        colours = (torch.tanh(self.colour(latent)) + 1) / 2
-        return colours, F.softplus(self.intensity(latent))
+        colours = (torch.tanh(self.colour(latent).float()) + 1) / 2
+        return colours, F.softplus(self.intensity(latent).float())
 
 
 def dense(features: int, latent: int, dropout: float) -> nn.Sequential:

@@ -76,7 +76,7 @@ class HoldGeoffroy2017(nn.Module):
     ) -> tuple[Float[Tensor, "n bins"], Float[Tensor, "n parameters"]]:
         """The same from what the encoder gave."""
         latent = self.latent(features.flatten(1))
-        return F.log_softmax(self.sun(latent), dim=1), self.parameters_head(latent)
+        return F.log_softmax(self.sun(latent).float(), 1), self.parameters_head(latent).float()
 
 
 def _published_encoder(width: float) -> nn.Sequential:

@@ -41,6 +41,8 @@ class RivalConfig:
         views: what is seen of each panorama.
         mirrored: whether every view is learnt from its mirror image, too.
         cosine: whether the learning rate falls to a hundredth, along a cosine.
+        precision: of training; bfloat16 convolutions take under half the time of a processor that
+            has them, weights and losses stay float32.
         seed: of everything drawn.
     """
 
@@ -59,6 +61,7 @@ class RivalConfig:
     weight_decay: float = 0.0
     mirrored: bool = False
     cosine: bool = False
+    precision: Literal["32-true", "bf16-mixed"] = "32-true"
 
 
 _LANDSCAPE = ViewPlan(135, 101, per_panorama=40, elevation_deg=0)
@@ -72,16 +75,14 @@ _OURS: dict[str, Any] = {
     "cosine": True,
 }
 
+_PUBLISHED: dict[str, Any] = {"mirrored": True, "cosine": True, "precision": "bf16-mixed"}
+
 PRESETS = {
     "gardner_2017": RivalConfig(
-        "gardner_2017", (192, 256), 0.005, 64, ViewPlan(256, 192, elevation_deg=30)
+        "gardner_2017", (192, 256), 0.005, 64, replace(_LANDSCAPE, per_panorama=56), **_PUBLISHED
     ),
     "hold_geoffroy_2017": RivalConfig(
-        "hold_geoffroy_2017",
-        (240, 320),
-        0.01,
-        128,
-        ViewPlan(320, 240, per_panorama=7, elevation_deg=20, fov_deg=(35.0, 68.0)),
+        "hold_geoffroy_2017", (240, 320), 0.001, 64, _LANDSCAPE, **_PUBLISHED
     ),
     "gardner_2017-ours": RivalConfig(
         "gardner_2017",
@@ -96,7 +97,7 @@ PRESETS = {
         "hold_geoffroy_2017", (144, 192), 0.001, 64, _LANDSCAPE, width=0.0625, **_OURS
     ),
 }
-"""As published; and with the camera, the encoder and the places of our landscape network."""
+"""Networks as published; and with the encoder of our landscape network. All see its views."""
 
 
 @dataclass(eq=False)
@@ -175,9 +176,14 @@ def load_rival(path: Path) -> Rival:
 def new_network(config: RivalConfig) -> nn.Module:
     """The rival's network before training."""
     shape = (config.photo_size, config.encoder, config.width, config.frozen_blocks, config.dropout)
+    network: nn.Module
     if config.name == "gardner_2017":
-        return gardner_2017.Gardner2017(*shape)
-    return hold_geoffroy_2017.HoldGeoffroy2017(*shape)
+        network = gardner_2017.Gardner2017(*shape)
+    else:
+        network = hold_geoffroy_2017.HoldGeoffroy2017(*shape)
+    if config.encoder == "published":  # 0.85 of the time, on a CPU
+        network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    return network
 
 
 def inputs_of(

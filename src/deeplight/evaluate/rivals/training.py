@@ -182,7 +182,9 @@ class Lessons:
         """What the network makes of these photos."""
         network: Any = self.rival.network
         if self.features is None:
-            answer: Answer = network(self._photos(rows))
+            halved = self.rival.config.precision == "bf16-mixed"
+            with torch.autocast("cpu", torch.bfloat16, enabled=halved):
+                answer: Answer = network(self._photos(rows))
             return answer
         features = self.features[torch.from_numpy(rows)].float()
         return network.heads(self._encoder().learnt(features))
