@@ -44,6 +44,8 @@ FILTER_EPOCHS = 30
 """Of Gardner's filter at the end of training: a half-width of 7 degrees, two to three texels."""
 MEASURES = {"l1_diffuse": 3, "l1_matte_silver": 3, "l1_mirror": 3, "theta_rgb_deg": 1}
 """Columns, and their digits."""
+EARLIER = ("khan_2006", "nearest_neighbour")
+"""What Gardner et al. compare with: Khan et al. 2006, and Karsch et al. 2014 or what is near it."""
 HEAD = (
     "| main light | off | azimuth off | under 45° "
     "| of another photo: off | azimuth off | under 45° |"
@@ -166,6 +168,19 @@ def table(scene: str, result: SplitResult) -> list[str]:
     return lines
 
 
+def less_than_others(scene: str, result: SplitResult, method: str) -> list[str]:
+    """What a rival has less than the methods that Gardner et al. compare with, over places."""
+    report = result.report
+    draws = PlaceBootstrap(report.places)
+    own = report.scores[method].metrics()
+    lines = [f"| {scene}: {method} less | L1(d) | L1(s) | L1(m) | θ, ° |", "|---|---|---|---|---|"]
+    for other in EARLIER:
+        theirs = report.scores[other].metrics()
+        cells = [interval(draws.difference(own[m], theirs[m]), d) for m, d in MEASURES.items()]
+        lines.append(f"| {other} | {' | '.join(cells)} |")
+    return lines
+
+
 def lights_found(rival: str, result: SplitResult) -> str:
     """Whether a rival finds the main light at all: against its own answers to other photos.
 
@@ -221,8 +236,10 @@ def run(args: Args) -> None:
     for rivals, result in both.values():
         names = [name_of(rival) for rival in rivals]
         lines += [lights_found(name, result) for name in (*names, result.methods[0])]
-    for scene, (_, result) in both.items():
+    for scene, (rivals, result) in both.items():
         lines += ["", *table(scene, result)]
+        for rival in rivals:
+            lines += ["", *less_than_others(scene, result, name_of(rival))]
     with replacing(args.out / "rivals.md") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
     results_console().print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)

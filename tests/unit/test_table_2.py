@@ -18,7 +18,7 @@ from deeplight.io.radiance import write_exr
 from deeplight.lighting import Lighting
 from deeplight.sphere import PAPER_RIG
 from lab.evidence.opposite_views import photographed, write_opposite_views
-from lab.evidence.table_2 import history, lights_found, table
+from lab.evidence.table_2 import EARLIER, MEASURES, history, less_than_others, lights_found, table
 from toy_data import write_toy_data
 
 pytestmark = pytest.mark.needs("scipy", "onnxruntime")
@@ -125,6 +125,19 @@ def test_the_tables_hold_every_method_and_say_who_is_better() -> None:
     assert "| landscape | 0.150 ± 0.041 |" in text
     assert "| rival | 0.350 ± 0.041 |" in text
     assert "| rival | −0.200 (−0.250 to −0.150)".replace(" to ", "\xa0to\xa0")[:20] in text
+
+
+def test_a_rival_is_held_against_what_its_paper_was() -> None:
+    def scores(value: float) -> SimpleNamespace:
+        columns = {name: value + np.array([0.1, 0.2, 0.3]) for name in MEASURES}
+        return SimpleNamespace(metrics=lambda: columns)
+
+    by_name = {"rival": scores(0.0), EARLIER[0]: scores(0.2), EARLIER[1]: scores(-0.1)}
+    report = SimpleNamespace(places=np.array(["a", "b", "c"]), scores=by_name)
+    lines = less_than_others("indoor", SimpleNamespace(report=report), "rival")  # type: ignore[arg-type]
+    assert "rival less" in lines[0]
+    assert lines[2].startswith(f"| {EARLIER[0]} | −0.200 (−0.200")
+    assert lines[3].startswith(f"| {EARLIER[1]} | 0.100 (0.100")
 
 
 def test_the_kept_step_is_the_best_on_held_out_views() -> None:

@@ -1,0 +1,142 @@
+"""Whether Gardner 2017 finds lights: where its answer is brightest, and where the room's light is.
+
+    python -m lab.evidence.light_masks HDRI RIVAL.safetensors ... [--views 8]
+
+A room's lights are the texels of its 32 x 64 panorama that are brightest and hold half its power.
+As large a part of the sphere, where the answer is brightest, is what a rival takes for lights. Its
+recall is the part of the true lights in there; average precision asks for every size of that part.
+What chance gives is the answer to a view of another room, held against this one's lights: it knows
+that lights hang above, too. Intervals are over rooms.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import tyro
+from jaxtyping import Bool, Float
+
+from deeplight.camera_response import LUMINANCE
+from deeplight.cli.main import run_command
+from deeplight.evaluate.bootstrap import PlaceBootstrap
+from deeplight.evaluate.report_tables import interval
+from deeplight.evaluate.rivals.crops import Pair, pairs_of
+from deeplight.evaluate.rivals.gardner_2017 import ROWS
+from deeplight.evaluate.rivals.rival import Rival, load_rival
+from deeplight.mappings import latlong, resample
+from deeplight.simulate.panorama import Place, load, places_in
+
+HALF = 0.5
+"""Of the power, which the lights hold."""
+HEAD = (
+    "| {} | views | recall | of another room | more "
+    "| average precision | of another room | more |\n"
+    "|---|---|---|---|---|---|---|---|"
+)
+Texels = Float[np.ndarray, "rows columns"]
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `python -m lab.evidence.light_masks`."""
+
+    hdri: tyro.conf.Positional[Path]
+    """Folder of HDR panoramas."""
+    rivals: tyro.conf.Positional[tuple[Path, ...]]
+    """Trained by `lab.evidence.table_2`."""
+    views: int = 8
+    """Of each panorama."""
+
+
+def lights_of(luminance: Texels) -> Bool[np.ndarray, "rows columns"]:
+    """The brightest texels, which together hold half of the power."""
+    power = (luminance * latlong.solid_angles(*luminance.shape)).ravel()
+    order = np.argsort(-luminance.ravel(), kind="stable")
+    before = np.cumsum(power[order]) - power[order]
+    lights = np.zeros(luminance.size, bool)
+    lights[order[before < HALF * power.sum()]] = True
+    return lights.reshape(luminance.shape)
+
+
+def found(answer: Texels, lights: Bool[np.ndarray, "rows columns"]) -> tuple[float, float]:
+    """Recall within the answer's brightest texels, as large as the lights; average precision."""
+    solid = latlong.solid_angles(*answer.shape).ravel()
+    order = np.argsort(-answer.ravel(), kind="stable")
+    taken, right = np.cumsum(solid[order]), np.cumsum((solid * lights.ravel())[order])
+    recall = np.interp(right[-1], taken, right) / right[-1]
+    precision = right / taken
+    average = float((precision * np.diff(right, prepend=0.0)).sum() / right[-1])
+    return float(recall), average
+
+
+@dataclass(frozen=True)
+class Look:
+    """Which views of which places: `drawn` of each with this seed, the first `views` are taken."""
+
+    places: Sequence[Place]
+    views: int
+    drawn: int
+    seed: int = 1
+
+    def pairs(self, rival: Rival) -> list[Pair]:
+        """The views, as the rival's training has them."""
+        plan = replace(rival.config.views, per_panorama=self.drawn)
+        random = np.random.default_rng(self.seed)
+        of_each = [list(pairs_of(load(place), plan, random)) for place in self.places]
+        return [pair for some in of_each for pair in some[: self.views]]
+
+
+def small(panorama: Float[np.ndarray, "rows columns 3"]) -> Texels:
+    """Luminance, of `ROWS` rows."""
+    at_rows = panorama if len(panorama) == ROWS else resample.shrink_latlong(panorama, ROWS)
+    return np.asarray(at_rows @ LUMINANCE)
+
+
+def row(name: str, rival: Rival, look: Look) -> str:
+    """A line of the table: own answers, those to another place's views, and the difference."""
+    pairs = look.pairs(rival)
+    names = np.repeat([place.name for place in look.places], look.views)
+    answers = [small(rival.panorama(pair.photo)) for pair in pairs]
+    others = another_place(names)
+    lights = [lights_of(small(pair.panorama)) for pair in pairs]
+    own = np.array([found(*both) for both in zip(answers, lights, strict=True)])
+    theirs = np.array([found(answers[n], mask) for n, mask in zip(others, lights, strict=True)])
+    draws = PlaceBootstrap(names)
+    cells = [
+        cell
+        for mine, chance in zip(own.T, theirs.T, strict=True)
+        for cell in (
+            f"{mine.mean():.2f}",
+            f"{chance.mean():.2f}",
+            interval(draws.difference(mine, chance), 2),
+        )
+    ]
+    return f"| {name} | {len(pairs)} | {' | '.join(cells)} |"
+
+
+def another_place(names: np.ndarray) -> np.ndarray:
+    """For each view one of another place."""
+    random = np.random.default_rng(9)
+    return np.array([random.choice(np.flatnonzero(names != name)) for name in names])
+
+
+def run(args: Args) -> None:
+    rooms = [p for p in places_in(args.hdri) if p.scene == "indoor" and not p.synthetic_ground]
+    by_split = {s: [p for p in rooms if p.split == s] for s in ("train", "val", "test")}
+    for path in args.rivals:
+        rival = load_rival(path)
+        seen, few, many = rival.config.views.per_panorama, args.views, 4 * args.views
+        print(HEAD.format(path.stem))
+        for name, look in {
+            "views it learnt from": Look(by_split["train"], few, seen, rival.config.seed),
+            "other views of those rooms": Look(by_split["train"], few, few),
+            "validation rooms": Look(by_split["val"], many, many),
+            "test rooms": Look(by_split["test"], many, many),
+        }.items():
+            print(row(name, rival, look), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("python -m lab.evidence.light_masks", sys.modules[__name__], sys.argv[1:]))
