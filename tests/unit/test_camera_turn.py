@@ -52,12 +52,15 @@ def views() -> list[Viewpoint]:
     ]
 
 
+def seen(view: Viewpoint) -> np.ndarray:
+    rays = turned(TRUE.camera.rays(), view.world_from_camera).astype(np.float32)
+    return resample.sample_latlong(panorama(), rays)[..., 0].astype(np.uint8)
+
+
 @lru_cache
 def pictures() -> list[np.ndarray]:
     """What is seen on the way."""
-    rays = [turned(TRUE.camera.rays(), view.world_from_camera) for view in views()]
-    seen = [resample.sample_latlong(panorama(), ray.astype(np.float32)) for ray in rays]
-    return [picture[..., 0].astype(np.uint8) for picture in seen]
+    return [seen(view) for view in views()]
 
 
 def true_places() -> np.ndarray:
@@ -104,7 +107,8 @@ def test_its_place_alone_is_not_found_again() -> None:
     places = []
     for frame in pictures():
         follower = follower or Follower(frame.astype(np.float32), *AT)
-        now = turned_to(now, anchor, *follower.update(frame.astype(np.float32)))
+        at = follower.update(frame.astype(np.float32))
+        now = now if at is None else turned_to(now, anchor, *at)
         places.append(now.pixels(anchor[None])[0])
     assert np.nanmax(misses(np.stack(places))[-2:]) > 40
 
@@ -125,6 +129,23 @@ def test_frames_that_show_nothing_are_named_and_the_place_is_found_after_them() 
     assert set(blind) <= set(lost)
     assert 59 not in lost
     assert np.nanmax(misses(places)) < 3
+
+
+def test_another_place_between_two_cuts_is_named_and_leaves_no_trace() -> None:
+    here = [seen(replace(TRUE, yaw_rad=0.02 * k)) for k in range(4)]
+    elsewhere = [seen(replace(TRUE, yaw_rad=np.pi + 0.02 * k)) for k in range(3)]
+    camera = CameraTurn(TRUE, TRUE.point(*AT))
+    turns = [camera.update(frame).yaw_rad for frame in (*here, *elsewhere, *here)]
+    assert camera.lost == [4, 5, 6]
+    np.testing.assert_allclose(turns[7:], 0.02 * np.arange(4), atol=0.01)
+
+
+def test_the_camera_is_rolled_as_the_picture_is() -> None:
+    camera = CameraTurn(TRUE, TRUE.point(*AT))
+    for roll in np.radians([0, 6, 12, 18, 24, 18, 6, 0]):
+        view = replace(TRUE, roll_rad=roll)
+        found = camera.update(seen(view)).world_from_camera
+        assert angle_between(found, view.world_from_camera) < np.radians(1.5)
 
 
 @pytest.mark.parametrize("roll", [-0.4, 0.0, 1.2])

@@ -69,6 +69,16 @@ def test_each_frame_is_lit_relative_to_its_own_white() -> None:
     np.testing.assert_allclose(gathered(pan()).log_gain, wanted, atol=0.06)
 
 
+def test_frames_of_which_nothing_is_known_say_nothing_of_the_light() -> None:
+    frames = [(f.pixels, f.rotation) for f in pan().frames]
+    strange = [(f.pixels, None) for f in pan(8).frames[:3]]
+    lights = gathered_lights(session(pan()), [*frames[:5], *strange, *frames[5:]])
+    plain = gathered(pan())
+    np.testing.assert_array_equal(lights.parts[0].radiance, plain.parts[0].radiance)
+    np.testing.assert_allclose(lights.log_gain[[4, 8]], plain.log_gain[[4, 5]], atol=1e-6)
+    assert len(lights.log_gain) == FRAMES + 3
+
+
 def test_a_light_that_is_switched_parts_the_video() -> None:
     one, other = pan(), pan(8)
     lights = gathered(one, other)

@@ -1,11 +1,13 @@
 """How the camera turns through a video: by the object's place, or by all that is seen.
 
-While the object's place is in the picture it is followed to a part of a pixel (`follow`). Out of it
-nothing there can be followed, so features of each frame are matched with the first frame's, which
-ends all drift when a turn closes, or else with those of the last frame that opened a new view.
+Features of each frame are matched with the first frame's, which ends all drift when a turn closes,
+or else with those of the last frame that opened a new view. While the object's place is in the
+picture it is followed as well (`follow`), to a part of a pixel: then they only say how the camera
+rolls, and nothing is lost where they say nothing.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -20,13 +22,16 @@ from deeplight.fuse.track import Features, features_of, matched
 
 _NEW_VIEW_RAD = np.radians(8)  # from the one before it; nearer ones would only add drift
 _BACK = 0.1  # of the shorter side: so far inside the picture a place is followed again
+_CONTRADICTS_RAD = np.radians(6)  # less is said by a field of view or pitch that is assumed wrongly
+_ROLLED_RAD = np.radians(4)  # by so much turned in the picture, a place is followed anew
 
 
 class CameraTurn:
     """The camera of each frame, the first one's known.
 
     Attributes:
-        lost: numbers of frames, from 0, that match nothing: the camera stays where it was.
+        lost: numbers of frames, from 0, that match nothing, such as those of another place after a
+            cut: the camera stays where it was.
     """
 
     def __init__(self, first: Viewpoint, anchor: Float[np.ndarray, "3"]) -> None:
@@ -36,6 +41,7 @@ class CameraTurn:
         self._anchor = anchor
         self._frames = 0
         self._follower: Follower | None = None
+        self._followed_roll = 0.0  # of the camera that the follower last began with
         self._views: list[tuple[Features, Rotation]] = []  # the first frame, the last new view
 
     def update(self, luma: UInt8[np.ndarray, "height width"]) -> Viewpoint:
@@ -45,23 +51,41 @@ class CameraTurn:
             self._views = [(self._features(luma), self._first.world_from_camera)]
             self._follow(luma)
             return self._first
-        if self._follower is not None:
-            x, y = self._follower.update(luma.astype(np.float32))
-            if self._inside(x, y, 0):
-                self._now = turned_to(self._now, self._anchor, x, y)
-                return self._now
-            self._follower = None
         found = self._found(self._features(luma))
+        followed = self._followed(luma, found)
+        if followed is not None:
+            self._now = followed
+            if abs(followed.roll_rad - self._followed_roll) > _ROLLED_RAD:
+                self._follow(luma)
+            return self._now
+        self._follower = None
         if found is None:
             self.lost.append(number)
-        else:
-            self._now, by_first = found
-            if by_first and self._inside(*self._place(), _BACK):
-                self._follow(luma)
+            return self._now
+        self._now, by_first = found
+        if by_first and self._inside(*self._place(), _BACK):
+            self._follow(luma)
         return self._now
+
+    def _followed(
+        self, luma: UInt8[np.ndarray, "height width"], found: tuple[Viewpoint, bool] | None
+    ) -> Viewpoint | None:
+        """The camera that sees the object's place where it is followed to, rolled as features say;
+        None out of the picture, where it is not seen, and where features contradict."""
+        at = None if self._follower is None else self._follower.update(luma.astype(np.float32))
+        if at is None or not self._inside(*at, 0):
+            return None
+        roll_rad = self._now.roll_rad if found is None else found[0].roll_rad
+        try:
+            now = turned_to(replace(self._now, roll_rad=roll_rad), self._anchor, *at)
+        except ConfigError:  # nobody holds a camera so
+            return None
+        turns = [view.world_from_camera for view in (now, *(found or ())[:1])]
+        return now if angle_between(turns[0], turns[-1]) < _CONTRADICTS_RAD else None
 
     def _follow(self, luma: UInt8[np.ndarray, "height width"]) -> None:
         self._follower = Follower(luma.astype(np.float32), *self._place())
+        self._followed_roll = self._now.roll_rad
 
     def _place(self) -> tuple[float, float]:
         x, y = self._now.pixels(self._anchor[None])[0]  # nan behind the camera: nowhere inside

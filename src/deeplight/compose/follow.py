@@ -16,6 +16,8 @@ from deeplight.frames import rotation
 _TRACKED_WIDTH = 240  # pixels; frames are averaged down to about it
 _WINDOW = 0.6  # side of the followed patch, of the frame's shorter side
 _REKEY = 0.2  # a patch that has moved by this part of itself is taken anew
+_ALIKE = 0.4  # correlation of a patch with itself a moment later; of another place's it is about 0
+_PLAIN = 4.0  # levels of standard deviation, below which all is alike: a bare wall and its noise
 
 
 class Follower:
@@ -27,16 +29,22 @@ class Follower:
         self._side = max(16, int(_WINDOW * min(self._key.shape)) // 2 * 2)
         self._at_key = self._at = np.array([x, y]) / self._step
 
-    def update(self, luma: Float[np.ndarray, "height width"]) -> tuple[float, float]:
-        """Where the place is in the next frame: (x, y) in pixels."""
-        small = self._small(luma)
+    def update(self, luma: Float[np.ndarray, "height width"]) -> tuple[float, float] | None:
+        """Where the place is in the next frame: (x, y) in pixels.
+
+        None where it is not seen: after a cut, or behind a hand.
+        """
+        small, at = self._small(luma), self._at
+        key = self._patch(self._key, self._at_key)
         for _ in range(2):  # once more from where it was found, for the rest
-            moved = _shift(self._patch(self._key, self._at_key), self._patch(small, self._at))
-            offset = np.round(self._at) - np.round(self._at_key)
-            self._at = self._at_key + offset + moved
-        if np.abs(self._at - self._at_key).max() > _REKEY * self._side:
-            self._key, self._at_key = small, self._at
-        x, y = self._at * self._step
+            moved = _shift(key, self._patch(small, at))
+            at = self._at_key + np.round(at) - np.round(self._at_key) + moved
+        if not _alike(key, self._patch(small, at)):
+            return None
+        self._at = at
+        if np.abs(at - self._at_key).max() > _REKEY * self._side:
+            self._key, self._at_key = small, at
+        x, y = at * self._step
         return float(x), float(y)
 
     def _small(self, luma: Float[np.ndarray, "height width"]) -> Float[np.ndarray, "rows columns"]:
@@ -74,12 +82,26 @@ def turned_to(viewpoint: Viewpoint, point: Float[np.ndarray, "3"], x: float, y: 
     return replace(viewpoint, pitch_rad=pitch, yaw_rad=float(np.arctan2(across, along)))
 
 
+def _window(side: int) -> Float[np.ndarray, "side side"]:
+    line = np.hanning(side + 2)[1:-1]
+    return line[:, None] * line
+
+
+def _alike(key: Float[np.ndarray, "side side"], other: Float[np.ndarray, "side side"]) -> bool:
+    """Whether two patches show the same, however bright."""
+    weight = _window(len(key)) / _window(len(key)).sum()
+    first, second = (patch - (weight * patch).sum() for patch in (key, other))
+    variances = (weight * first**2).sum(), (weight * second**2).sum()
+    together = (weight * first * second).sum()
+    plain = max(variances) < _PLAIN**2
+    return bool(plain or together > _ALIKE * np.sqrt(variances[0] * variances[1]))
+
+
 def _shift(
     key: Float[np.ndarray, "side side"], other: Float[np.ndarray, "side side"]
 ) -> Float[np.ndarray, "2"]:
     """By how much (x, y) the second patch shows the first one moved: phase correlation."""
-    window = np.hanning(len(key) + 2)[1:-1]
-    flat = window[:, None] * window
+    flat = _window(len(key))
     first, second = (np.fft.rfft2((p - p.mean()) * flat) for p in (key, other))
     cross = second * np.conj(first)
     # Between plain and phase correlation: noise, which has all frequencies alike, counts less.

@@ -73,9 +73,9 @@ def compose_video(
     first = next(source)
     film = _begin(video, first, items, settings, placement, light, gain)
     size = first.luma.shape[1] // 2 * 2, first.luma.shape[0] // 2 * 2  # codecs want even sides
-    lights = _watched(film, video) if light is None else None
+    camera = _Cameras(film)
+    lights = _watched(film, video, camera) if light is None else None
     solids = film.scene.solids
-    camera = CameraTurn(film.scene.viewpoint, film.anchor)
     kept = KeptFrames(out, _made_of(video, solids, items, settings, placement, light, gain))
     with VideoWriter(out, *size, known.rate_hz or 30.0) as writer:
         lit = _frames(film, camera, chain([first], source), lights, kept)
@@ -83,8 +83,8 @@ def compose_video(
             writer.write(pixels[: size[1], : size[0]], time_s)
             progress(number, known.frames)
     kept.remove()
-    lost = named_ranges(camera.lost)
-    return (*film.notes, *([f"camera lost, taken to stand still: frames {lost}"] if lost else []))
+    lost = named_ranges(camera.lost())
+    return (*film.notes, *([f"match no other, left as they are: frames {lost}"] if lost else []))
 
 
 def _made_of(video: Path, *made_from: object) -> bytes:
@@ -186,20 +186,26 @@ class Lights:
 
 
 def gathered_lights(
-    session: Session, frames: Iterable[tuple[UInt8[np.ndarray, "height width 3"], Rotation]]
+    session: Session, frames: Iterable[tuple[UInt8[np.ndarray, "height width 3"], Rotation | None]]
 ) -> Lights:
     """Look at all frames of a video: what the last one shows lights the first one as well.
 
     Args:
         session: without views.
-        frames: upright pixels, and how the camera was turned (world_from_camera).
+        frames: upright pixels, and how the camera was turned (world_from_camera), None where that
+            is unknown: those say nothing of the light. Of the first one it is known.
     """
     world = np.eye(3)
     parts: list[LightFrom] = []
     gains: list[np.ndarray] = []
+    used: list[int] = []  # frame of each that the session has seen
     start, changed = 0, None  # a part that may begin, and the light before it
     for number, (pixels, turn) in enumerate(frames):
+        if turn is None:
+            gains.append(gains[-1])
+            continue
         added = session.add(pixels, turn)
+        used.append(number)
         gains.append(added.log_gain)
         if added.disagreement <= CHANGED and not added.forgotten:
             changed = None
@@ -209,14 +215,14 @@ def gathered_lights(
             parts.append(LightFrom(start, changed.radiance))
             start, changed = changed.start, None
     parts.append(LightFrom(start, session.environment(world, height=LIGHT_ROWS).radiance))
-    return Lights(tuple(parts), _corrected(np.stack(gains), session))
+    return Lights(tuple(parts), _corrected(np.stack(gains), session, used))
 
 
 def _corrected(
-    gains: Float[np.ndarray, "frames 3"], session: Session
+    gains: Float[np.ndarray, "frames 3"], session: Session, used: Sequence[int]
 ) -> Float[np.ndarray, "frames 3"]:
     """Gains as the whole video has them: what became of the kept views', between them as well."""
-    numbers = np.array([view.number for view in session.views])
+    numbers = np.array([used[view.number] for view in session.views])
     order = np.argsort(numbers)
     change = session.gains[order] - gains[numbers[order]]
     frames = np.arange(len(gains))
@@ -226,7 +232,7 @@ def _corrected(
     return result
 
 
-def _watched(film: _Shot, video: Path) -> Lights:
+def _watched(film: _Shot, video: Path, camera: "_Cameras") -> Lights:
     fov_rad = film.scene.viewpoint.camera.vertical_fov_rad
 
     def estimate(pixels: np.ndarray) -> np.ndarray:
@@ -234,11 +240,31 @@ def _watched(film: _Shot, video: Path) -> Lights:
         logs: np.ndarray = np.log(np.maximum(radiance, _DARKEST))
         return logs
 
-    camera = CameraTurn(film.scene.viewpoint, film.anchor)
-    frames = (
-        (still.rgb(), camera.update(still.luma).world_from_camera) for still in video_frames(video)
-    )
+    def seen(still: VideoFrame) -> tuple[np.ndarray, Rotation | None]:
+        now = camera.of(still)
+        return still.rgb(), None if now is None else now.world_from_camera
+
+    frames = map(seen, video_frames(video))
     return gathered_lights(Session(fov_rad, estimate), frames)
+
+
+class _Cameras:
+    """The camera of each frame, found once, whoever asks first."""
+
+    def __init__(self, film: _Shot) -> None:
+        self._turn = CameraTurn(film.scene.viewpoint, film.anchor)
+        self._found: list[Viewpoint | None] = []
+
+    def of(self, still: VideoFrame) -> Viewpoint | None:
+        """In the order of frames; None where a frame matches no other."""
+        if still.number == len(self._found):
+            now, lost = self._turn.update(still.luma), self._turn.lost
+            self._found.append(None if still.number in lost else now)
+        return self._found[still.number]
+
+    def lost(self) -> list[int]:
+        """Numbers of the frames that match no other."""
+        return self._turn.lost
 
 
 class _Standing:
@@ -282,7 +308,7 @@ class _Standing:
 
 def _frames(
     film: _Shot,
-    camera: CameraTurn,
+    camera: _Cameras,
     source: Iterator[VideoFrame],
     lights: Lights | None,
     kept: KeptFrames,
@@ -290,7 +316,10 @@ def _frames(
     """Time and pixels of every finished frame."""
     standing = _Standing(film, lights)
     for number, still in enumerate(source):
-        pixels, now = still.rgb(), camera.update(still.luma)
+        pixels, now = still.rgb(), camera.of(still)
+        if now is None:
+            yield still.time_s, pixels
+            continue
         standing.turn(number, now)
         finished = kept.find(number, pixels)
         if finished is None:
