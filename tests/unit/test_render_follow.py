@@ -70,8 +70,27 @@ def test_an_object_out_of_the_picture_leaves_the_photo_as_it_is(yaw: float) -> N
     assert (made.pixels == photo).all() == (yaw > 0)
 
 
+def add_sound(film: Path) -> None:
+    """A moment of silence, as a second track."""
+    import av
+
+    silent = film.rename(film.with_name("silent.mp4"))
+    with av.open(str(silent)) as source, av.open(str(film), "w") as target:
+        picture = target.add_stream_from_template(source.streams.video[0])
+        sound = target.add_stream("aac", rate=44100)
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = picture
+                target.mux(packet)
+        silence = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
+        silence.rate = 44100
+        target.mux(sound.encode(silence))
+        target.mux(sound.encode())
+    silent.unlink()
+
+
 def test_a_video_gives_a_video_and_a_killed_run_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("av")
     pytest.importorskip("mitsuba")
@@ -88,9 +107,11 @@ def test_a_video_gives_a_video_and_a_killed_run_goes_on(
             view = Viewpoint(PinholeCamera(64, 96, np.radians(60)), yaw_rad=0.02 * i)
             grey = seen(everything, view).clip(0, 255).astype(np.uint8)
             writer.write(np.repeat(grey[..., None], 3, -1))
+    add_sound(tmp_path / "in.mp4")
     words = ["--object", "sphere", "--engine", "scalar", "--pitch", "-20", "--at", "32", "70"]
     out = tmp_path / "out.mp4"
     assert main(["compose", str(tmp_path / "in.mp4"), "--out", str(out), *words]) == 0
+    assert "the video's sound is left out" in capsys.readouterr().out
     before, after = (
         [still.rgb().astype(int) for still in video_frames(path)]
         for path in (tmp_path / "in.mp4", out)

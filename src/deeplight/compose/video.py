@@ -84,7 +84,8 @@ def compose_video(
             progress(number, known.frames)
     kept.remove()
     lost = named_ranges(camera.lost())
-    return (*film.notes, *([f"match no other, left as they are: frames {lost}"] if lost else []))
+    silent = ["the video's sound is left out"] * known.sound
+    return (*film.notes, *silent, *([f"match no other, left as they are: frames {lost}"] if lost else []))
 
 
 def _made_of(video: Path, *made_from: object) -> bytes:

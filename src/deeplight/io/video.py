@@ -125,6 +125,7 @@ class VideoFacts:
         mirrored: stored frames are mirror images, to be mirrored before that turn.
         variable_rate: frames are unevenly spaced; None if times are missing.
         camera: make and model, where its metadata name them; else empty.
+        sound: whether it has any.
     """
 
     width: int
@@ -138,6 +139,7 @@ class VideoFacts:
     mirrored: bool
     variable_rate: bool | None
     camera: str = ""
+    sound: bool = False
 
 
 class Film(NamedTuple):
@@ -251,7 +253,7 @@ def facts(path: Path | str) -> VideoFacts:
         rate, ticks = stream.average_rate, stream.duration
         length = ticks * stream.time_base if ticks and stream.time_base else None
         claimed, codec = stream.frames or None, stream.codec_context.name
-        camera = _camera(film.container.metadata)
+        camera, sound = _camera(film.container.metadata), bool(film.container.streams.audio)
     with opened(path) as film:  # again: the first frame has consumed packets
         uneven = _uneven(film)
     height, width = look.upright(np.empty((frame.height, frame.width), np.uint8)).shape
@@ -267,6 +269,7 @@ def facts(path: Path | str) -> VideoFacts:
         mirrored=look.mirrored,
         variable_rate=uneven,
         camera=camera,
+        sound=sound,
     )
 
 
