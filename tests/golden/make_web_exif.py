@@ -67,6 +67,7 @@ def photos() -> dict[str, bytes]:
         "no orientation": photo(maker_note(HELD[1])),
         "elevation": known,
         "elevation above": photo(elevation=IFDRational(20, 1)),
+        "floating point, as Pillow writes it": photo(elevation=12.5, mm_35=28.5),
         "unknown elevation": known.replace(struct.pack(">2i", -25, 2), struct.pack(">2i", -25, -1)),
         "steep elevation": photo(elevation=IFDRational(-90, 1)),
         "mirrored, with an elevation": photo(maker_note(held), 2, degrees),

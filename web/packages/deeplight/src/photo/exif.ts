@@ -20,6 +20,7 @@ export interface Exif {
 const CAMERA = 0x8769;
 const [SHORT, LONG, RATIONAL, SIGNED_LONG] = [3, 4, 5, 9];
 export const SIGNED_RATIONAL = 10;
+const [FLOAT, DOUBLE] = [11, 12]; // not in the standard, but what Pillow makes of a number
 const BYTES_OF_TYPE = [0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8];
 
 /** Null where there is none, or where it is damaged. */
@@ -77,6 +78,8 @@ export function numberOf(entry: Entry | undefined, isLittle: boolean): number | 
   if (type === SHORT) return values.getUint16(0, isLittle);
   if (type === LONG) return values.getUint32(0, isLittle);
   if (type === SIGNED_LONG) return values.getInt32(0, isLittle);
+  if (type === FLOAT) return values.getFloat32(0, isLittle);
+  if (type === DOUBLE) return values.getFloat64(0, isLittle);
   if (type !== RATIONAL && type !== SIGNED_RATIONAL) return undefined;
   const [above, below] = [0, 4].map((at) =>
     type === RATIONAL ? values.getUint32(at, isLittle) : values.getInt32(at, isLittle),
