@@ -84,8 +84,9 @@ def compose_video(
             progress(number, known.frames)
     kept.remove()
     lost = named_ranges(camera.lost())
-    silent = ["the video's sound is left out"] * known.sound
-    return (*film.notes, *silent, *([f"match no other, left as they are: frames {lost}"] if lost else []))
+    notes = ["the video's sound is left out"] * known.sound
+    notes += [f"match no other, left as they are: frames {lost}"] if lost else []
+    return (*film.notes, *notes)
 
 
 def _made_of(video: Path, *made_from: object) -> bytes:
