@@ -6,7 +6,7 @@ A room's lights are the texels of its 32 x 64 panorama that are brightest and ho
 As large a part of the sphere, where the answer is brightest, is what a rival takes for lights. Its
 recall is the part of the true lights in there; average precision asks for every size of that part.
 What chance gives is the answer to a view of another room, held against this one's lights: it knows
-that lights hang above, too. Intervals are over rooms.
+that lights hang above, too. So for the azimuth of the main light. Intervals are over rooms.
 """
 
 import sys
@@ -25,15 +25,16 @@ from deeplight.evaluate.report_tables import interval
 from deeplight.evaluate.rivals.crops import Pair, pairs_of
 from deeplight.evaluate.rivals.gardner_2017 import ROWS
 from deeplight.evaluate.rivals.rival import Rival, load_rival
+from deeplight.harmonics import dominant_light_of_latlong
 from deeplight.mappings import latlong, resample
 from deeplight.simulate.panorama import Place, load, places_in
 
 HALF = 0.5
 """Of the power, which the lights hold."""
 HEAD = (
-    "| {} | views | recall | of another room | more "
+    "| {} | views | azimuth off | of another room | recall | of another room | more "
     "| average precision | of another room | more |\n"
-    "|---|---|---|---|---|---|---|---|"
+    "|---|---|---|---|---|---|---|---|---|---|"
 )
 Texels = Float[np.ndarray, "rows columns"]
 
@@ -94,26 +95,30 @@ def small(panorama: Float[np.ndarray, "rows columns 3"]) -> Texels:
     return np.asarray(at_rows @ LUMINANCE)
 
 
+def azimuth_deg(luminance: Texels) -> float:
+    """Of the main light, from the middle of the view to the right."""
+    light, _ = dominant_light_of_latlong(np.repeat(luminance[..., None], 3, axis=2))
+    return float(np.degrees(np.arctan2(light.direction[0], -light.direction[2])))
+
+
 def row(name: str, rival: Rival, look: Look) -> str:
     """A line of the table: own answers, those to another place's views, and the difference."""
     pairs = look.pairs(rival)
     names = np.repeat([place.name for place in look.places], look.views)
     answers = [small(rival.panorama(pair.photo)) for pair in pairs]
-    others = another_place(names)
-    lights = [lights_of(small(pair.panorama)) for pair in pairs]
+    true = [small(pair.panorama) for pair in pairs]
+    lights = [lights_of(light) for light in true]
+    draws, others, cells = PlaceBootstrap(names), another_place(names), [f"{len(pairs)}"]
+    towards, wanted = (np.array([azimuth_deg(x) for x in some]) for some in (answers, true))
+    for theirs in (towards, towards[others]):
+        off = np.abs((theirs - wanted + 180) % 360 - 180)
+        cells.append(f"{interval(draws.median(off), 0)}°")
     own = np.array([found(*both) for both in zip(answers, lights, strict=True)])
-    theirs = np.array([found(answers[n], mask) for n, mask in zip(others, lights, strict=True)])
-    draws = PlaceBootstrap(names)
-    cells = [
-        cell
-        for mine, chance in zip(own.T, theirs.T, strict=True)
-        for cell in (
-            f"{mine.mean():.2f}",
-            f"{chance.mean():.2f}",
-            interval(draws.difference(mine, chance), 2),
-        )
-    ]
-    return f"| {name} | {len(pairs)} | {' | '.join(cells)} |"
+    chance = np.array([found(answers[n], mask) for n, mask in zip(others, lights, strict=True)])
+    for mine, theirs in zip(own.T, chance.T, strict=True):
+        more = interval(draws.difference(mine, theirs), 2)
+        cells += [f"{mine.mean():.2f}", f"{theirs.mean():.2f}", more]
+    return f"| {name} | {' | '.join(cells)} |"
 
 
 def another_place(names: np.ndarray) -> np.ndarray:
