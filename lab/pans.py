@@ -31,6 +31,7 @@ from deeplight.simulate.panorama import Place, load, places_in
 from deeplight.simulate.phone import (
     PHONES,
     CameraAutomatics,
+    Phone,
     Setting,
     develop,
     draw_automatics,
@@ -140,10 +141,10 @@ def film_pan(
     troubles: Troubles,
     rng: np.random.Generator,
     size: tuple[int, int] = (480, 270),
-    phone: str = "paper",
+    phone: Phone = PHONES["paper"],
 ) -> Pan:
     """Film one pan of (height, width) frames; `rng` decides everything."""
-    camera = PinholeCamera(size[1], size[0], PHONES[phone].vertical_fov_rad)
+    camera = PinholeCamera(size[1], size[0], phone.vertical_fov_rad)
     automatics = _habits(phone, troubles, rng)
     start = rotation("y", rng.uniform(0, 2 * np.pi))
     poses = [start @ pose @ _shake(troubles, rng) for pose in sweep.poses()]
@@ -174,8 +175,8 @@ def film_pan(
     return Pan(panorama, camera, frames)
 
 
-def _habits(phone: str, troubles: Troubles, rng: np.random.Generator) -> CameraAutomatics:
-    drawn = draw_automatics(PHONES[phone], rng)
+def _habits(phone: Phone, troubles: Troubles, rng: np.random.Generator) -> CameraAutomatics:
+    drawn = draw_automatics(phone, rng)
     if troubles.response:
         return drawn
     return replace(drawn, gamma=GAMMA, contrast=0.0, vignette=0.0, noise=0.0)

@@ -6,10 +6,14 @@ aspect and field of view is brought to that view: on the image plane at distance
 rectangle from +tan 33 down to -0.6 tan 33 and 9/16 tan 33 to either side, around the photo's
 centre. Each of the 135 x 192 cells is the exact area average of the photo's pixels under it, in
 the photo's own gamma-encoded values. Where the photo does not reach, its edge pixels go on.
+
+A 4:3 photo lying on its side reaches 27 degrees up and down: that view would overhang it above and
+leave its lowest rows out. `slid_into_photo` slides the view down along the image plane until it
+does neither; `estimators.look` turns the light back.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, get_args
 
@@ -29,6 +33,11 @@ FovSource = Literal["given", "exif", "assumed"]
 
 ASSUMED_LONG_SIDE_FOV_RAD = TRAINED_VERTICAL_FOV_RAD
 """Field of view of the photo's long side when nothing states it: a phone's main camera."""
+FITS = 1.07
+"""Of the photo's height: up to this a view has room in it. Higher ones gain nothing by sliding, on
+validation places (`lab/evidence/photo_formats.py`)."""
+LEAST_SLIDE = 1e-6
+"""Of the photo's height: less is rounding."""
 _SHORT = 6  # whole pixels in an interval: to this number taking all intervals at once is faster
 
 
@@ -50,6 +59,13 @@ class Framing:
     fov_source: FovSource
     input_height: int = BACKGROUND_HEIGHT
     input_width: int = BACKGROUND_WIDTH
+    down: float = 0.0  # pixels by which the view was slid below the photo's centre
+
+    @property
+    def pitch_rad(self) -> float:
+        """How far up the view looks from the photo's optical axis; negative where it was slid."""
+        focal = self.photo_height / 2 / math.tan(self.vertical_fov_rad / 2)  # in pixels
+        return -math.atan(self.down / focal)
 
     @property
     def camera(self) -> PinholeCamera:
@@ -109,6 +125,16 @@ def frame_photo(
         input_height=contract.height,
         input_width=contract.width,
     )
+
+
+def slid_into_photo(framing: Framing) -> Framing:
+    """Slide the view down into a photo that is tall enough for it; other photos keep theirs."""
+    height = framing.photo_height
+    down = min(-framing.top, height - framing.bottom)
+    if down < LEAST_SLIDE * height or framing.bottom - framing.top > FITS * height:
+        return framing
+    top, bottom = framing.top + down, framing.bottom + down
+    return replace(framing, top=top, bottom=bottom, down=framing.down + down)
 
 
 def network_input(

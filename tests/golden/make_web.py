@@ -30,7 +30,8 @@ from deeplight.estimators import (
     upright,
 )
 from deeplight.estimators.environment import assemble
-from deeplight.estimators.network import WHOLE_VIEW
+from deeplight.estimators.look import seen_from_photo
+from deeplight.estimators.network import WHOLE_VIEW, lamps_of
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.results import write_results
 from deeplight.frames import normalised, turned, world_from_camera
@@ -81,6 +82,7 @@ def constants() -> dict[str, Any]:
         "CROP_SIZE": CROP_SIZE,
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,
         "WHOLE_VIEW": WHOLE_VIEW,
+        "SLIDE": {"FITS": preprocess.FITS, "LEAST": preprocess.LEAST_SLIDE},
         "MID_GREY": colour.MID_GREY,
         "GAMMA": camera_response.GAMMA,
         "SOFT_CLIP_N": camera_response.SOFT_CLIP_N,
@@ -204,12 +206,13 @@ def area_turned(lighting: Lighting, new_from_old: np.ndarray) -> np.ndarray:
 def photo_golden() -> dict[str, Any]:
     """Photos, what the network is shown of them, and the light of one."""
     estimator = OnnxEstimator(threads=1)
-    sizes = [(1920, 1080, None), (1080, 1920, None), (600, 800, 0.9), (37, 23, 0.3), (50, 50, 2.4)]
+    sizes = [(1920, 1080, None), (1080, 1920, None), (600, 800, 0.95), (37, 23, 0.3), (50, 50, 2.4)]
     photo = example_photo()
     framing = preprocess.frame_photo(*photo.shape[:2], contract=estimator.contract)
     shown = preprocess.network_input(photo, framing)
     return {
         "framings": [_framing(*size) for size in sizes],
+        "turned": _turned_answer(),
         "averages": [_average(*size) for size in [(37, 23, 0.3), (37, 23, 1.15), (9, 70, 2.0)]],
         "model_sha256": estimator.sha256,
         "photo": {"height": photo.shape[0], "width": photo.shape[1], "rgb": as_text(photo)},
@@ -300,7 +303,27 @@ def example_photo() -> np.ndarray:
 def _framing(height: int, width: int, fov_rad: float | None) -> dict[str, Any]:
     framing = preprocess.frame_photo(height, width, fov_rad)
     shares = {name: getattr(framing, name) for name in ("visible_fraction", "used_fraction")}
-    return {"given_fov_rad": fov_rad, **asdict(framing), **shares}
+    slid = preprocess.slid_into_photo(framing)
+    moved = {**asdict(slid), "pitch_rad": slid.pitch_rad}
+    return {"given_fov_rad": fov_rad, **asdict(framing), **shares, "slid": moved}
+
+
+def _turned_answer() -> dict[str, Any]:
+    """A light with two lamps and a pitch, of a view that looks down, and as the photo has them."""
+    numbers = np.array([[0.0, 0.6, -0.8, 1.0, 0.9, 0.8, 0.1], [0.6, -0.0, 0.8, 0.5, 0.6, 0.7, 0.3]])
+    own = lamps_of(numbers.astype(np.float32))
+    whole = light().radiance + sum(lobe.lobe_on_ball(lamp) for lamp in own)
+    pitch_rad, given = -0.2, np.log(np.maximum(whole, 1e-6)).astype(np.float32)
+    turned_log, moved, heads = seen_from_photo(given, own, {"pitch_rad": 0.05}, pitch_rad)
+    return {
+        "pitch_rad": pitch_rad,
+        "given": packed(given),
+        "given_lamps": packed(numbers[None]),
+        "given_pitch_rad": 0.05,
+        "log_radiance": packed(turned_log),
+        "directions": [lamp.direction.tolist() for lamp in moved],
+        "head_pitch_rad": heads["pitch_rad"],
+    }
 
 
 def _average(height: int, width: int, fov_rad: float) -> dict[str, Any]:

@@ -18,13 +18,14 @@ from jaxtyping import Float32
 from deeplight.contract import LAMP_NUMBERS, ModelContract
 from deeplight.errors import ModelError, ShapeError
 from deeplight.estimators.calibration import Calibration, Use
+from deeplight.estimators.look import seen_from_photo
 from deeplight.estimators.upright import turn_notes
 from deeplight.frames import normalised
 from deeplight.io.photo_like import PhotoLike, as_photo
 from deeplight.io.photos import Photo
 from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
-from deeplight.preprocess import Framing, frame_photo, network_input
+from deeplight.preprocess import FovSource, Framing, frame_photo, network_input, slid_into_photo
 
 MAX_THREADS = 4
 """More threads than this make so small a network slower, not faster."""
@@ -160,15 +161,16 @@ class NetworkEstimator(ABC):
             notes += own.note(photo.camera, use)
             if use != "never" and not own.suits(photo.camera, use):
                 log_radiance, lamps = own.light_without(log_radiance), own.lamps_without(lamps)
+        log_radiance, lamps, heads = seen_from_photo(log_radiance, lamps, heads, framing.pitch_rad)
         light = Lighting.from_log_radiance(log_radiance)
         return Estimate(light, photo, framing, notes, seconds, lamps, heads)
 
     def frame(self, photo: Photo, fov_deg: float | None = None) -> Framing:
         """Find the trained view in a photo: a given field of view wins over the EXIF data's."""
         height, width, _ = photo.pixels.shape
-        if fov_deg is not None:
-            return frame_photo(height, width, radians(fov_deg), "given", self.contract)
-        return frame_photo(height, width, photo.vertical_fov_rad, "exif", self.contract)
+        source: FovSource = "exif" if fov_deg is None else "given"
+        fov_rad = photo.vertical_fov_rad if fov_deg is None else radians(fov_deg)
+        return slid_into_photo(frame_photo(height, width, fov_rad, source, self.contract))
 
     def estimate_inputs(
         self, inputs: Float32[np.ndarray, "batch 3 height width"]

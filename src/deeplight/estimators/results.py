@@ -26,7 +26,7 @@ from deeplight.io.lighting_file import (
 )
 from deeplight.io.photos import write_png
 from deeplight.io.tilt import Tilt
-from deeplight.preprocess import frame_photo
+from deeplight.preprocess import frame_photo, slid_into_photo
 
 FULL_DISK_BYTES = 2**22
 """With less room than this left, a failed write is put down to a full disk."""
@@ -179,6 +179,7 @@ def _facts(estimate: Estimate, estimator: NetworkEstimator) -> dict[str, Any]:
     fov, (height, width) = used.vertical_fov_rad, estimate.photo.full_size
     # The photo may have been read smaller; users speak of the pixels in their file.
     framing = frame_photo(height, width, fov, used.fov_source, estimator.contract)
+    framing = slid_into_photo(framing)
     return {
         "contract_version": estimator.contract.version,
         "model": {

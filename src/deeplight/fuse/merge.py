@@ -103,30 +103,12 @@ def merged(
     weight = np.zeros((len(directions), 1), np.float32)
     for view, gain in zip(views, log_gain, strict=True):
         own = turned(directions, view.world_from_camera.T)
-        estimate = ball_at(view.log_estimate, own) - gain.astype(np.float32)
+        estimate = resample.sample_ball(view.log_estimate, own) - gain.astype(np.float32)
         near = np.exp(_NEAR * (directions @ view.towards.astype(np.float32) - 1))[:, None]
         logs += near * estimate
         weight += near
         mean += np.exp(estimate)
     return np.exp(logs / weight).reshape(shape), (mean / len(views)).reshape(shape)
-
-
-def ball_at(
-    ball: Float32[np.ndarray, "size size 3"], directions: Float[np.ndarray, "n 3"]
-) -> Float32[np.ndarray, "n 3"]:
-    """Values of a mirror ball in directions, bilinear; pixels off the disc are not looked at."""
-    size = len(ball)
-    flat = ball.reshape(-1, 3)[mirror_ball.nearest_lit(size)]
-    u, v = mirror_ball.uv_from_directions(directions)
-    column, row = (u + 1) * (size / 2) - 0.5, (1 - v) * (size / 2) - 0.5
-    left, top = np.floor(column).astype(np.int32), np.floor(row).astype(np.int32)
-    right, down = (column - left).astype(np.float32), (row - top).astype(np.float32)
-    result = np.zeros((len(directions), 3), np.float32)
-    for dr, across in ((0, 1 - down), (1, down)):
-        for dc, along in ((0, 1 - right), (1, right)):
-            row_at, column_at = (top + dr).clip(0, size - 1), (left + dc).clip(0, size - 1)
-            result += flat[row_at * size + column_at] * (across * along)[:, None]
-    return result
 
 
 def share_of(part: Float32[np.ndarray, "h w"]) -> float:

@@ -111,6 +111,15 @@ def cube_from_ball(
     return _enlarge(ball, cube.directions(size).astype(np.float32), weights)
 
 
+def sample_ball(
+    ball: Float[np.ndarray, "size size channels"], directions: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n channels"]:
+    """Values of a mirror ball in directions, bilinear; pixels off the disc are not looked at."""
+    size = len(ball)
+    values = _spread_over_rim(ball).reshape(size * size, -1)
+    return _interpolate(values, _bilinear_taps(directions, size))
+
+
 def turned_ball(
     ball: Float[np.ndarray, "size size channels"], new_from_old: Rotation
 ) -> Float[np.ndarray, "size size channels"]:

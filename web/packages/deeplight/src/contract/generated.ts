@@ -66,6 +66,11 @@ export const ASSUMED_LONG_SIDE_FOV_RAD = 1.1519173063162575 as const;
 
 export const WHOLE_VIEW = 0.995 as const;
 
+export const SLIDE = {
+  "FITS": 1.07,
+  "LEAST": 1e-06
+} as const;
+
 export const MID_GREY = 118 as const;
 
 export const GAMMA = 2.2 as const;
@@ -161,12 +166,6 @@ export const LIGHTING_FILE = {
     "view_u": 0.5,
     "axes": "our own"
   },
-  "dominant_light": {
-    "primary_light_direction": null,
-    "primary_light_intensity": null,
-    "meaning": "direction: unit vector towards the light; intensity: RGB irradiance on a surface that faces it, radiance unit times sr",
-    "share_of_power": null
-  },
   "spherical_harmonics": {
     "quantity": "radiance of the whole environment, dominant light included",
     "order": "00, 1-1, 10, 11, 2-2, 2-1, 20, 21, 22, each RGB",
@@ -180,6 +179,12 @@ export const LIGHTING_FILE = {
     "size": 32,
     "encoding": "base64 of float32, little-endian, rows from the top, RGB",
     "radiance": null
+  },
+  "dominant_light": {
+    "primary_light_direction": null,
+    "primary_light_intensity": null,
+    "meaning": "direction: unit vector towards the light; intensity: RGB irradiance on a surface that faces it, radiance unit times sr",
+    "share_of_power": null
   }
 } as const;
 

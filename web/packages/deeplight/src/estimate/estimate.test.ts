@@ -5,10 +5,19 @@ import { bytes, floats, golden, largestError } from "../../../../tests/golden.ts
 import { noise } from "../../../../tests/noise.ts";
 import { CONTRACT } from "../contract/generated.ts";
 import { EstimateError } from "../errors.ts";
+import { lampsOf } from "../light/lamp.ts";
 import { type Contract, contractOf } from "../network/contract.ts";
 import { Network } from "../network/network.ts";
 import { CellMeans } from "./cell-means.ts";
-import { type Framing, framePhoto, usedFraction, visibleFraction } from "./framing.ts";
+import {
+  type Framing,
+  framePhoto,
+  pitchOf,
+  slidIntoPhoto,
+  usedFraction,
+  visibleFraction,
+} from "./framing.ts";
+import { seenFromPhoto } from "./look.ts";
 import { guessedTilt } from "./upright.ts";
 
 const MODEL = new URL("../../../../../src/deeplight/weights/deeplight.onnx", import.meta.url);
@@ -31,10 +40,44 @@ describe("the framing", () => {
     expect(visibleFraction(got)).toBeCloseTo(framing.visible_fraction!, 9);
     expect(usedFraction(got)).toBeCloseTo(framing.used_fraction!, 9);
     expect(got.fovSource).toBe(framing.fov_source);
+    const [slid, wanted] = [slidIntoPhoto(got), framing.slid as unknown as Record<string, number>];
+    const where = [slid.top, slid.bottom, slid.down, pitchOf(slid)];
+    const whole = [wanted.top!, wanted.bottom!, wanted.down!, wanted.pitch_rad!];
+    expect(largestError(where, whole)).toBeLessThan(1e-8);
+  });
+
+  test("slides down in some photos and stays in others", () => {
+    const slid = (want.framings as { slid: { down: number } }[]).map((one) => one.slid.down > 0);
+    expect(new Set(slid).size).toBe(2);
   });
 
   test("refuses an impossible field of view", () => {
     expect(() => framePhoto(100, 100, 4, contract)).toThrow(/between 0 and pi/);
+  });
+});
+
+describe("an answer of a view that looks down", () => {
+  const { given, given_lamps, given_pitch_rad, pitch_rad, ...wanted } = want.turned;
+  const numbers = { shape: given_lamps.shape, data: floats(given_lamps) };
+  const heads = { shape: [1, 1], data: Float32Array.of(given_pitch_rad) };
+  const others = new Map([
+    ["lamps", numbers],
+    ["heads", heads],
+  ]);
+  const own = { ...contract, lamps: 2, heads: ["pitch_rad"] } as unknown as Contract;
+  const answer = { logRadiance: floats(given), others };
+  const got = seenFromPhoto(answer, own, pitch_rad);
+
+  test("is Python's in the photo's frame", () => {
+    expect(largestError(got.logRadiance, floats(wanted.log_radiance))).toBeLessThan(2e-3);
+    const turned = lampsOf(got.others.get("lamps")!).map(({ direction }) => direction);
+    expect(largestError(turned.flat(), wanted.directions.flat())).toBeLessThan(1e-6);
+    expect(got.others.get("heads")!.data[0]).toBeCloseTo(wanted.head_pitch_rad, 6);
+  });
+
+  test("is another one unturned, and itself by no pitch", () => {
+    expect(largestError(answer.logRadiance, floats(wanted.log_radiance))).toBeGreaterThan(0.1);
+    expect(seenFromPhoto(answer, own, 0)).toBe(answer);
   });
 });
 
@@ -207,6 +250,7 @@ function asFraming(entries: Record<string, number>): Framing {
     fovSource: "given",
     inputHeight: entries.input_height!,
     inputWidth: entries.input_width!,
+    down: entries.down!,
   };
 }
 

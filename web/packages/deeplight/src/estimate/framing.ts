@@ -1,5 +1,5 @@
 /** Where the trained camera's view lies in a photo or a frame: preprocess.frame_photo. */
-import { ASSUMED_LONG_SIDE_FOV_RAD } from "../contract/generated.ts";
+import { ASSUMED_LONG_SIDE_FOV_RAD, SLIDE } from "../contract/generated.ts";
 import type { Contract } from "../network/contract.ts";
 
 /** Edges in pixels of the upright photo from its upper left corner; they may lie outside it. */
@@ -14,6 +14,7 @@ export interface Framing {
   readonly fovSource: "given" | "assumed";
   readonly inputHeight: number;
   readonly inputWidth: number;
+  readonly down: number; // pixels by which the view was slid below the photo's centre
 }
 
 /** @throws RangeError where the field of view is not inside (0, pi). */
@@ -42,7 +43,22 @@ export function framePhoto(
     fovSource: assumed ? "assumed" : "given",
     inputHeight: contract.height,
     inputWidth: contract.width,
+    down: 0,
   };
+}
+
+/** Slides the view down into a photo that is tall enough for it; other photos keep theirs. */
+export function slidIntoPhoto(framing: Framing): Framing {
+  const { top, bottom, photoHeight } = framing;
+  const down = Math.min(-top, photoHeight - bottom);
+  const fits = bottom - top <= SLIDE.FITS * photoHeight;
+  if (!fits || down < SLIDE.LEAST * photoHeight) return framing;
+  return { ...framing, top: top + down, bottom: bottom + down, down: framing.down + down };
+}
+
+/** How far up the view looks from the photo's optical axis; negative where it was slid. */
+export function pitchOf({ down, photoHeight, verticalFovRad }: Framing): number {
+  return -Math.atan((down / photoHeight) * 2 * Math.tan(verticalFovRad / 2));
 }
 
 /** Part of the trained view that the photo shows, by image area; 1 is all of it. */

@@ -10,7 +10,8 @@ import type { Contract } from "../network/contract.ts";
 import { type Network, requireFinite } from "../network/network.ts";
 import { sessionFile, sessionOf } from "../save/session-file.ts";
 import { CellMeans, wholePhoto } from "./cell-means.ts";
-import { framePhoto } from "./framing.ts";
+import { framePhoto, pitchOf, slidIntoPhoto } from "./framing.ts";
+import { seenFromPhoto } from "./look.ts";
 import { type Frame, type Picker, sizeOf } from "./picker.ts";
 import type { FusedRequest, TrackRequest } from "./worker.ts";
 
@@ -57,7 +58,7 @@ export class Tracker {
   ): Promise<Tracked> {
     const network = await loading;
     const started = performance.now();
-    const { picture, planes } = await taken(network.contract, picker, frame, fov);
+    const { picture, planes, pitchRad } = await taken(network.contract, picker, frame, fov);
     const { pose, isNew } = this.#held(picture, request);
     const prepared = performance.now();
     const times = { preprocessMs: prepared - started, runMs: 0, fuseMs: 0 };
@@ -65,7 +66,8 @@ export class Tracker {
       const nothing = { isStill: pose !== null, isNew: false, added: null };
       return { ...times, ...nothing, light: this.#light(request), worldFromCamera: pose };
     }
-    const logRadiance = network.logRadiance(planes());
+    const shown = network.estimate(planes());
+    const { logRadiance } = seenFromPhoto(shown, network.contract, pitchRad);
     requireFinite(logRadiance);
     const done = performance.now();
     const added = this.#add(picture, pose, logRadiance);
@@ -167,7 +169,7 @@ export class Tracker {
 /** The network's input and the small picture that is kept, of a frame, which is closed. */
 async function taken(contract: Contract, picker: Picker, frame: Frame, fov: number | undefined) {
   const photo = sizeOf(frame);
-  const framing = framePhoto(photo.height, photo.width, fov, contract);
+  const framing = slidIntoPhoto(framePhoto(photo.height, photo.width, fov, contract));
   const { verticalFovRad } = framing;
   const small = smallSize(photo.height, photo.width, verticalFovRad);
   const [means, whole] = [new CellMeans(framing), new CellMeans(wholePhoto(photo, small))];
@@ -176,5 +178,5 @@ async function taken(contract: Contract, picker: Picker, frame: Frame, fov: numb
   const rounded = new Uint8ClampedArray(whole.rgb(isReversed, 255));
   const pixels = new Uint8Array(rounded.buffer);
   const planes = () => means.planes(contract.input_low, contract.input_high, isReversed);
-  return { picture: { ...small, pixels, verticalFovRad }, planes };
+  return { picture: { ...small, pixels, verticalFovRad }, planes, pitchRad: pitchOf(framing) };
 }

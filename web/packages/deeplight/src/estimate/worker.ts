@@ -22,7 +22,8 @@ import {
   surenessOf,
 } from "./confidence.ts";
 import { download } from "./download.ts";
-import { framePhoto } from "./framing.ts";
+import { framePhoto, pitchOf, slidIntoPhoto } from "./framing.ts";
+import { seenFromPhoto } from "./look.ts";
 import { type Frame, Picker, sizeOf } from "./picker.ts";
 import { type Tracked, Tracker } from "./tracker.ts";
 import { guessedTilt } from "./upright.ts";
@@ -176,7 +177,7 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
   const { contract } = network;
   const started = performance.now();
   const photo = sizeOf(frame);
-  const framing = framePhoto(photo.height, photo.width, verticalFovRad, contract);
+  const framing = slidIntoPhoto(framePhoto(photo.height, photo.width, verticalFovRad, contract));
   const means = new CellMeans(framing);
   const plane = planeOf(photo, framing.verticalFovRad);
   const small = sceneRows ? reducedSize(photo, plane, sceneRows) : null;
@@ -187,7 +188,8 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
   frame.close();
   const planes = means.planes(contract.input_low, contract.input_high, isReversed);
   const prepared = performance.now();
-  const { logRadiance, others } = network.estimate(planes);
+  const shown = network.estimate(planes);
+  const { logRadiance, others } = seenFromPhoto(shown, contract, pitchOf(framing));
   const done = performance.now();
   requireFinite(logRadiance);
   const times = { preprocessMs: prepared - started, runMs: done - prepared };
@@ -206,7 +208,7 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
       network.logRadiance(cut.planes(contract.input_low, contract.input_high, isReversed)),
     ),
   ];
-  return { ...answer, scene, confidence: confidenceOf(logRadiance, answers, placed) };
+  return { ...answer, scene, confidence: confidenceOf(shown.logRadiance, answers, placed) };
 }
 
 /** Those that the network names. */

@@ -7,7 +7,7 @@ import type { Environment } from "../light/environment.ts";
 import { luminous } from "../light/lamp.ts";
 import { luminance } from "../light/main-light.ts";
 import { IDENTITY, type Matrix3x3, type Vector3 } from "../light/matrix.ts";
-import { nearestLit, uvFromDirection } from "../light/mirror-ball.ts";
+import { onBall } from "../light/mirror-ball.ts";
 import {
   enlarged,
   powerOf,
@@ -121,26 +121,6 @@ const spokenOf = rememberedOf((view, directions): Spoken => {
   }
   return { near, log, linear };
 });
-
-/** Value of a mirror ball in a direction, bilinear; pixels off the disc are not looked at. */
-function onBall(ball: Float32Array, direction: Vector3, into: [number, number, number]): void {
-  const size = Math.sqrt(ball.length / 3);
-  const nearest = nearestLit(size);
-  const [u, v] = uvFromDirection(direction);
-  const [column, row] = [(u + 1) * (size / 2) - 0.5, (1 - v) * (size / 2) - 0.5];
-  const [left, top] = [Math.floor(column), Math.floor(row)];
-  const [right, down] = [column - left, row - top];
-  into[0] = into[1] = into[2] = 0;
-  for (let k = 0; k < 4; k++) {
-    const r = Math.min(Math.max(top + (k >> 1), 0), size - 1);
-    const c = Math.min(Math.max(left + (k & 1), 0), size - 1);
-    const from = 3 * nearest[r * size + c]!;
-    const part = (k >> 1 ? down : 1 - down) * (k & 1 ? right : 1 - right);
-    into[0] += part * ball[from]!;
-    into[1] += part * ball[from + 1]!;
-    into[2] += part * ball[from + 2]!;
-  }
-}
 
 /** Mean over all directions. */
 function shareOf(part: Float32Array, height: number): number {

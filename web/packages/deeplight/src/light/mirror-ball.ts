@@ -114,6 +114,30 @@ export const subpixels = remembered((size: number, along = 4): Subpixels => {
   };
 });
 
+/** Value of a mirror ball in a direction, bilinear; pixels off the disc are not looked at. */
+export function onBall(
+  ball: Float32Array,
+  direction: Vector3,
+  into: [number, number, number],
+): void {
+  const size = Math.sqrt(ball.length / 3);
+  const nearest = nearestLit(size);
+  const [u, v] = uvFromDirection(direction);
+  const [column, row] = [(u + 1) * (size / 2) - 0.5, (1 - v) * (size / 2) - 0.5];
+  const [left, top] = [Math.floor(column), Math.floor(row)];
+  const [right, down] = [column - left, row - top];
+  into[0] = into[1] = into[2] = 0;
+  for (let k = 0; k < 4; k++) {
+    const r = Math.min(Math.max(top + (k >> 1), 0), size - 1);
+    const c = Math.min(Math.max(left + (k & 1), 0), size - 1);
+    const from = 3 * nearest[r * size + c]!;
+    const part = (k >> 1 ? down : 1 - down) * (k & 1 ? right : 1 - right);
+    into[0] += part * ball[from]!;
+    into[1] += part * ball[from + 1]!;
+    into[2] += part * ball[from + 2]!;
+  }
+}
+
 /** A ball of `channels` values per pixel in a turned frame: area averages, energy kept to 1 %. */
 export function turnedBall(
   ball: Float32Array,

@@ -1,7 +1,7 @@
 /** The JSON file that `deeplight estimate` writes; `deeplight convert` and `compose` read it. */
 import { CONDON_SHORTLEY, LIGHTING_FILE, SCENE_FILE, WHOLE_VIEW } from "../contract/generated.ts";
 import type { ModelFacts } from "../estimate/estimator.ts";
-import { framePhoto, usedFraction, visibleFraction } from "../estimate/framing.ts";
+import { framePhoto, slidIntoPhoto, usedFraction, visibleFraction } from "../estimate/framing.ts";
 import { likeliestTurn } from "../estimate/upright.ts";
 import { type Environment, resized } from "../light/environment.ts";
 import type { Lamp } from "../light/lamp.ts";
@@ -120,7 +120,8 @@ function harmonics(lighting: Lighting): Record<string, unknown> {
 }
 
 function framingFacts({ photo, verticalFovRad, model, notes }: About): Record<string, unknown> {
-  const framing = framePhoto(photo.height, photo.width, verticalFovRad, model.contract);
+  const centred = framePhoto(photo.height, photo.width, verticalFovRad, model.contract);
+  const framing = slidIntoPhoto(centred);
   const visible = visibleFraction(framing);
   const { top, bottom, left, right } = framing;
   const unit = "pixels of the upright photo, from its upper left corner";

@@ -1,0 +1,96 @@
+"""What it is worth to slide the network's view into a photo that lies on its side.
+
+    python -m lab.evidence.photo_formats ../shared/hdri --split val
+
+Films photos of several formats in places with known light (a phone's automatic exposure and white
+balance, tone curve, vignetting, noise; six headings, level and looking down) and prints L1 of the
+three spheres for the view around the photo's centre and for the view that `estimate` takes
+(`preprocess.slid_into_photo`): of the network's light, and of the environment with the photo in it.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tyro
+
+from deeplight.estimators.environment import assemble
+from deeplight.estimators.look import seen_from_photo
+from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.estimators.projection import ImagePlane
+from deeplight.lighting import Lighting
+from deeplight.preprocess import Framing, frame_photo, network_input, slid_into_photo
+from deeplight.simulate.panorama import load, places_in
+from deeplight.simulate.phone import PHONES
+from lab.pans import Pan, Sweep, Troubles, film_pan
+from lab.pans_table import Scores
+
+FORMATS = {
+    "4:3 on its side, 54°": (384, 512, 54.0),
+    "4:3 on its side, 52°": (384, 512, 52.0),
+    "9:16 upright, 58°": (512, 288, 58.0),
+}
+"""Height and width in pixels, vertical field of view in degrees."""
+PITCHES_DEG = (-5.0, -25.0)
+ROWS = 128  # of the environments
+
+
+@dataclass(frozen=True)
+class Args:
+    """Options of `python -m lab.evidence.photo_formats`."""
+
+    panoramas: Annotated[Path, tyro.conf.Positional]
+    """Folder of HDR panoramas."""
+    split: Literal["val", "test"] = "val"
+    """Which places."""
+    formats: tuple[str, ...] = tuple(FORMATS)
+    """Which formats."""
+
+
+def photos(args: Args, name: str) -> Iterator[tuple[Pan, int]]:
+    """Pans of photos of one format, and the number of each photo in its pan."""
+    height, width, fov_deg = FORMATS[name]
+    phone = replace(PHONES["paper"], name=name, vertical_fov_rad=float(np.radians(fov_deg)))
+    places = [place for place in places_in(args.panoramas) if place.split == args.split]
+    for number, place in enumerate(places):
+        for k, pitch in enumerate(PITCHES_DEG):
+            rng = np.random.default_rng([number, k])
+            pan = film_pan(load(place), Sweep(6, (pitch,)), Troubles(), rng, (height, width), phone)
+            yield from ((pan, frame) for frame in range(len(pan.frames)))
+
+
+def lights(network: OnnxEstimator, pixels: np.ndarray, framing: Framing) -> tuple[Lighting, ...]:
+    """The network's light of a photo seen through a framing, and that with the photo in it."""
+    shown = network_input(pixels, framing)
+    log_radiance, lamps, _ = network.estimate_fully(shown[None])
+    light, own, _ = seen_from_photo(log_radiance[0], lamps[0], {}, framing.pitch_rad)
+    alone = Lighting.from_log_radiance(light)
+    height, width, _ = pixels.shape
+    plane = ImagePlane.centred(height, width, framing.vertical_fov_rad)
+    scene = assemble(alone, pixels, plane, ROWS, own, None)
+    return alone, scene.environment.lighting
+
+
+def main(args: Args) -> None:
+    """Print a table for each format."""
+    network = OnnxEstimator(threads=1)
+    for name in args.formats:
+        scores = Scores()
+        for pan, k in photos(args, name):
+            pixels, truth = pan.frames[k].pixels, pan.true_lighting(k)
+            centred = frame_photo(len(pixels), pixels.shape[1], pan.camera.vertical_fov_rad)
+            views = {"around the centre": centred, "slid": slid_into_photo(centred)}
+            for way, framing in views.items():
+                found = lights(network, pixels, framing)
+                for what, light in zip(("network", "with the photo"), found, strict=True):
+                    scores.add(f"{what}, {way}", light, truth)
+        print(f"{name}, {args.split}, slid by {-np.degrees(framing.pitch_rad):.1f}°:\n")
+        scores.table("network, around the centre")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Args))
