@@ -234,6 +234,7 @@ def scene_golden() -> dict[str, Any]:
         Lamp(normalised(np.array([0.1, 0.35, -1.0])), np.array([3.0, 2.5, 2.0]), 0.12),
         Lamp(normalised(np.array([0.9, 0.5, 0.4])), np.array([4.0, 4.0, 3.0]), 0.2),
         Lamp(normalised(np.array([-0.5, 0.1, 0.9])), np.array([1.0, 1.0, 1.0]), 0.5),
+        Lamp(normalised(np.array([0.9, 0.4, 0.2])), np.array([2.0, 2.0, 2.0]), 0.15),
     ]
     drawn = lighting.radiance + sum(lobe.lobe_on_ball(lamp) for lamp in own)
     photo = made_up_photo()

@@ -71,6 +71,23 @@ def test_the_less_the_pitch_is_known_the_less_goes_on():
     assert found[-1] < 1.05
 
 
+def test_behind_the_camera_rows_are_blurred():
+    """A thin bright row in the photo is no stripe all around."""
+    pixels = np.full((200, 120, 3), 90, np.uint8)
+    pixels[96:100] = 230
+    row = np.log(continued(even(), projected(pixels), held(0))[..., 1])
+    front, back = (np.abs(np.diff(row[:, column])).max() for column in (HEIGHT, 0))
+    assert back < 0.6 * front
+
+
+def test_of_a_pitch_that_nobody_knows_a_hint_goes_on():
+    """The bright upper half stays a little brighter, without a line where the horizon may be."""
+    photo = landscape(pose(0))
+    found = np.log(continued(even(), photo, held(0, scale_deg=30))[:, 0, 1])
+    assert found[: HEIGHT // 2].mean() - found[HEIGHT // 2 :].mean() > 0.05
+    assert np.abs(np.diff(found)).max() < 0.05
+
+
 def test_the_power_of_what_the_photo_does_not_show_stays():
     rng = np.random.default_rng(3)
     surroundings = rng.uniform(0.05, 2, (HEIGHT, 2 * HEIGHT, 3)).astype(np.float32)

@@ -70,6 +70,26 @@ def around_the_view(panorama: np.ndarray, radius_deg: float) -> np.ndarray:
     return resample.sample_latlong(panorama, directions)[:, 0]
 
 
+def test_lamps_near_each_other_are_one_in_their_middle(estimate):
+    """12 degrees apart they are one of the same power, 25 degrees apart two."""
+    own = [
+        Lamp(normalised(np.array([np.sin(a), 0.3, np.cos(a)])), np.full(3, flux), 0.1)
+        for a, flux in ((0.0, 3.0), (0.21, 1.0))
+    ]
+    far = replace(own[1], direction=normalised(np.array([np.sin(0.47), 0.3, np.cos(0.47)])))
+
+    def found(lamps: list[Lamp]) -> tuple[Lamp, ...]:
+        lobes = np.sum([lobe_on_ball(lamp) for lamp in lamps], axis=0)
+        pixels = photo()
+        projected = project_photo(pixels, plane_of(pixels), HEIGHT)
+        return find_lamps(Lighting(0.3 + lobes), projected, lamps).lamps
+
+    (one,), two = found(own), found([own[0], far])
+    assert len(two) == 2
+    assert one.luminous_flux == pytest.approx(sum(x.luminous_flux for x in two), rel=0.1)
+    assert own[0].direction @ one.direction > own[1].direction @ one.direction > np.cos(0.2)
+
+
 def test_no_star_straight_ahead():
     """Spokes of the rim become a smooth spot; without the smoothing they stay."""
     u, v = mirror_ball.grid(32)

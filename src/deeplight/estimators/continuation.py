@@ -2,7 +2,8 @@
 
 Floor, walls and ceiling of a room, ground, horizon and sky lie at much the same elevation on all
 sides. So the estimate is brought to the mean of the photo's level rows, row by row, wholly next to
-the photo and in part behind the camera; the lowest ground goes on to the feet, the highest sky to
+the photo, in part and blurred behind the camera, and the more blurred the less the pitch is known;
+the lowest ground goes on to the feet, the highest sky to
 the zenith. What the estimate knows of left and right stays, and so does the power of what is not
 seen. Nothing but means goes on: things would come again as ghosts.
 """
@@ -23,6 +24,13 @@ BEHIND = 0.8
 on validation places, as is what follows (`benchmarks/photo_environment.py`)."""
 DOUBT_RAD = 0.2
 """A pitch that may be so far off is worth 0.6 of a known one, twice as far 0.14 (Gaussian)."""
+BLUR_RAD = float(np.radians(5))
+"""How far rows are blurred behind the camera: floors end nearer or farther there. Sharp ones were
+stripes all around."""
+DOUBTED = 0.25
+"""Of the rows behind a camera of quite unknown pitch, which are blurred"""
+BLUR_OF_DOUBT = 1.5
+"""by so many times its scale; next to the photo they are worth a half."""
 SKY = 0.6
 """Of the highest row, above it: the sky is brighter or darker there more often than the ground."""
 _SHOWN = 0.98  # of a texel, from which on it is a piece of the photo
@@ -75,10 +83,14 @@ def continued(
     axes = np.stack([up, normalised(VIEW - (VIEW @ up) * up)], axis=1).astype(np.float32)
     upwards, ahead = np.moveaxis(latlong.directions(height, width) @ axes, -1, 0)
     first, part = _row_and_part(upwards, height)
-    near, far = np.float32((1 + trust) / 2), np.float32(BEHIND * trust)
-    strength = far + (near - far) * ((1 + ahead) / 2) ** 2
-    factor = change.take(first, axis=0) * ((1 - part) * strength)[..., None]
-    factor += change.take(first + 1, axis=0) * (part * strength)[..., None]
+    doubtful = _blurred(change, BLUR_OF_DOUBT * tilt.scale_rad) * (1 - trust)
+    in_front = change * ((1 + trust) / 2) + doubtful / 2
+    behind = _blurred(change, BLUR_RAD) * (BEHIND * trust) + doubtful * DOUBTED
+    rows = np.concatenate([in_front, behind], axis=1).astype(np.float32)
+    both = rows.take(first, axis=0) * (1 - part)[..., None]
+    both += rows.take(first + 1, axis=0) * part[..., None]
+    to_front = (((1 + ahead) / 2) ** 2)[..., None]
+    factor = both[..., :3] * to_front + both[..., 3:] * (1 - to_front)
     result = surroundings * np.exp(factor, out=factor)
     unseen = 1 - enlarged(photo.seen_in_64_rows[..., None], height)
     gain = power_of(surroundings * unseen) / np.maximum(power_of(result * unseen), 1e-30)
@@ -110,6 +122,16 @@ def _change(
     change *= np.where(change < 0, 1 - shown.clipped[nearest], 1)
     change *= np.maximum(fade, outer * (SKY * is_sky + is_ground))[:, None]
     return change.astype(np.float32)
+
+
+def _blurred(change: Float[np.ndarray, "rows 3"], sigma_rad: float) -> Float[np.ndarray, "rows 3"]:
+    """Rows blurred by a Gaussian of elevation; a width of 0 leaves them."""
+    if sigma_rad <= 0:
+        return change
+    row = np.arange(len(change)) * (np.pi / len(change) / sigma_rad)
+    weight = np.exp(-((row[:, None] - row) ** 2) / 2)
+    blurred: np.ndarray = weight @ change / weight.sum(1, keepdims=True)
+    return blurred
 
 
 def _rows_of_photo(photo: ProjectedPhoto, up: Float[np.ndarray, "3"], rows: int) -> _Rows:

@@ -115,8 +115,9 @@ def save_lighting(
     if hdr:
         files.append(folder / f"{name}.hdr")
         write_hdr(files[1], turned)
-    record = _record(lighting, turn, [file.name for file in files], len(turned))
-    record |= {"dominant_light": _dominant(main_light or dominant_light(lighting)), **(facts or {})}
+    light = main_light or dominant_light(lighting)
+    record = _record(lighting, light, turn, [file.name for file in files], len(turned))
+    record |= facts or {}
     files.append(folder / f"{name}.json")
     with replacing(files[-1]) as temporary:
         temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
@@ -225,7 +226,9 @@ def _damage_named(path: Path) -> Iterator[None]:
         raise ImageFileError(f"a {FORMAT} file", got, _WRITE_AGAIN) from error
 
 
-def _record(lighting: Lighting, turn: Turn, environments: list[str], height: int) -> dict[str, Any]:
+def _record(
+    lighting: Lighting, light: DominantLight, turn: Turn, environments: list[str], height: int
+) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -240,6 +243,7 @@ def _record(lighting: Lighting, turn: Turn, environments: list[str], height: int
             "view_u": turn.view_u,
             "axes": turn.axes,
         },
+        "dominant_light": _dominant(light),
         "spherical_harmonics": _harmonics(lighting),
         "mirror_ball": {
             "size": lighting.size,

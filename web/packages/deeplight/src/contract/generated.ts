@@ -166,6 +166,12 @@ export const LIGHTING_FILE = {
     "view_u": 0.5,
     "axes": "our own"
   },
+  "dominant_light": {
+    "primary_light_direction": null,
+    "primary_light_intensity": null,
+    "meaning": "direction: unit vector towards the light; intensity: RGB irradiance on a surface that faces it, radiance unit times sr",
+    "share_of_power": null
+  },
   "spherical_harmonics": {
     "quantity": "radiance of the whole environment, dominant light included",
     "order": "00, 1-1, 10, 11, 2-2, 2-1, 20, 21, 22, each RGB",
@@ -179,12 +185,6 @@ export const LIGHTING_FILE = {
     "size": 32,
     "encoding": "base64 of float32, little-endian, rows from the top, RGB",
     "radiance": null
-  },
-  "dominant_light": {
-    "primary_light_direction": null,
-    "primary_light_intensity": null,
-    "meaning": "direction: unit vector towards the light; intensity: RGB irradiance on a surface that faces it, radiance unit times sr",
-    "share_of_power": null
   }
 } as const;
 
@@ -336,6 +336,7 @@ export const PHOTO_LIGHT = {
   ],
   "LEAST_LEFT": 0.01,
   "LOBE_END": 0.001,
+  "TOGETHER_RAD": 0.2617993877991494,
   "MOST_LAMPS": 3,
   "LEAST_SHARE": 0.03,
   "UNSEEN": 0.02
@@ -344,6 +345,9 @@ export const PHOTO_LIGHT = {
 export const CONTINUATION = {
   "BEHIND": 0.8,
   "DOUBT_RAD": 0.2,
+  "BLUR_RAD": 0.08726646259971647,
+  "DOUBTED": 0.25,
+  "BLUR_OF_DOUBT": 1.5,
   "SKY": 0.6,
   "SHOWN": 0.98,
   "LEAST_OF_WIDEST": 0.5,

@@ -4,8 +4,9 @@ import type { ModelFacts } from "../estimate/estimator.ts";
 import { framePhoto, slidIntoPhoto, usedFraction, visibleFraction } from "../estimate/framing.ts";
 import { likeliestTurn } from "../estimate/upright.ts";
 import { type Environment, resized } from "../light/environment.ts";
-import type { Lamp } from "../light/lamp.ts";
+import { type Lamp, luminous } from "../light/lamp.ts";
 import type { Lighting } from "../light/lighting.ts";
+import { powerOfBall } from "../light/mirror-ball.ts";
 
 /** Where a light comes from. */
 export interface About {
@@ -40,7 +41,7 @@ export function record(
   return {
     ...LIGHTING_FILE,
     environment: { ...LIGHTING_FILE.environment, files: about.environments ?? [] },
-    dominant_light: dominantLight(lighting),
+    dominant_light: dominantLight(lighting, lamps[0]),
     spherical_harmonics: harmonics(lighting),
     mirror_ball: {
       ...LIGHTING_FILE.mirror_ball,
@@ -56,7 +57,9 @@ export function record(
     photo: { ...about.photo },
     ...framingFacts(about),
     ...(about.heads ? { camera_guess: cameraGuess(about.heads) } : {}),
-    ...(lamps.length ? { lamps: { ...SCENE_FILE.lamps, lamps: lamps.map(lampEntry) } } : {}),
+    ...(environment || lamps.length
+      ? { lamps: { ...SCENE_FILE.lamps, lamps: lamps.map(lampEntry) } }
+      : {}),
     ...(environment ? { seen: seenEntry(environment) } : {}),
   };
 }
@@ -71,11 +74,14 @@ function cameraGuess(heads: Readonly<Record<string, number>>): Record<string, un
   };
 }
 
-function lampEntry({ direction, flux, angularRadiusRad }: Lamp): Record<string, unknown> {
-  // pi sin^2(r) of its radiance, which is its flux over 4 pi sin^2(r / 2).
-  const facing = Math.cos(angularRadiusRad / 2) ** 2;
-  const irradiance = flux.map((value) => value * facing);
-  return { direction, flux, irradiance, angular_radius_rad: angularRadiusRad };
+function lampEntry(lamp: Lamp): Record<string, unknown> {
+  const { direction, flux, angularRadiusRad } = lamp;
+  return { direction, flux, irradiance: irradiance(lamp), angular_radius_rad: angularRadiusRad };
+}
+
+/** On a surface that faces it: pi sin^2(r) of its radiance, its flux over 4 pi sin^2(r / 2). */
+function irradiance({ flux, angularRadiusRad }: Lamp): readonly number[] {
+  return flux.map((value) => value * Math.cos(angularRadiusRad / 2) ** 2);
 }
 
 function seenEntry({ seen, height }: Environment): Record<string, unknown> {
@@ -97,13 +103,15 @@ function zlibbed(bytes: Uint8Array): Uint8Array {
   return Uint8Array.from([...head, ...bytes, b >> 8, b & 255, a >> 8, a & 255]);
 }
 
-function dominantLight(lighting: Lighting): Record<string, unknown> {
-  const light = lighting.mainLight();
+/** The first lamp; of a light without lamps what stands out of the ball. */
+function dominantLight(lighting: Lighting, lamp?: Lamp): Record<string, unknown> {
+  const light = lamp ? null : lighting.mainLight();
+  const whole = powerOfBall(lighting.radiance(), lighting.size);
   return {
     ...LIGHTING_FILE.dominant_light,
-    primary_light_direction: light.direction,
-    primary_light_intensity: light.irradiance,
-    share_of_power: light.share,
+    primary_light_direction: light?.direction ?? lamp!.direction,
+    primary_light_intensity: light?.irradiance ?? irradiance(lamp!),
+    share_of_power: light?.share ?? luminous(lamp!.flux) / luminous(whole),
   };
 }
 

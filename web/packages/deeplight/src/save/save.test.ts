@@ -44,6 +44,21 @@ describe("the JSON file", () => {
     expect(got.notes).toHaveLength(want.record.notes.length);
   });
 
+  test("has the first lamp as its main light, where lamps are known", () => {
+    const lamp = {
+      direction: [0, 0.6, 0.8],
+      flux: [0.2, 0.1, 0.1],
+      angularRadiusRad: 0.1,
+    } as const;
+    const got = record(lighting, about, { lamps: [lamp], environment: null });
+    const light = got.dominant_light as Record<string, unknown>;
+    expect(light.primary_light_direction).toEqual(lamp.direction);
+    const [listed] = (got.lamps as { lamps: { irradiance: number[] }[] }).lamps;
+    expect(light.primary_light_intensity).toEqual(listed!.irradiance);
+    expect(light.share_of_power).toBeGreaterThan(0);
+    expect(light.share_of_power).toBeLessThan(1);
+  });
+
   test("holds the ball exactly", () => {
     const text = (record(lighting, about) as { mirror_ball: { radiance: string } }).mirror_ball
       .radiance;

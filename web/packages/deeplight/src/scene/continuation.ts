@@ -7,8 +7,8 @@ import { dot, normalised, type Vector3 } from "../light/matrix.ts";
 import { enlarged, powerOf, rowSolidAngles, shrunk, texelDirections } from "../light/panorama.ts";
 import { type ProjectedPhoto, smoothstep } from "./image-plane.ts";
 
-const { BEHIND, DARKEST, DOUBT_RAD, EVERY, FADE_RAD, LEAST_OF_WIDEST } = CONTINUATION;
-const { LEAST_TURN_RAD, OUTER_RAD, SHOWN, SKY, STEEPEST } = CONTINUATION;
+const { BEHIND, BLUR_OF_DOUBT, BLUR_RAD, DARKEST, DOUBT_RAD, DOUBTED, EVERY } = CONTINUATION;
+const { FADE_RAD, LEAST_OF_WIDEST, LEAST_TURN_RAD, OUTER_RAD, SHOWN, SKY, STEEPEST } = CONTINUATION;
 const SEEN_ROWS = 64;
 
 /** How the camera was held. */
@@ -35,7 +35,10 @@ export function continued(
   const change = changeOf(rowsOfPhoto(shown, up, rows), rowsOfMap(map, rows, up));
   if (!change) return map;
   const trust = Math.exp(-((scaleRad / DOUBT_RAD) ** 2) / 2);
-  const [near, far] = [(1 + trust) / 2, BEHIND * trust];
+  const doubtful = blurred(change, BLUR_OF_DOUBT * scaleRad).map((value) => value * (1 - trust));
+  const inFront = change.map((value, i) => (value * (1 + trust) + doubtful[i]!) / 2);
+  const further = blurred(change, BLUR_RAD);
+  const behind = further.map((value, i) => value * BEHIND * trust + doubtful[i]! * DOUBTED);
   const front = normalised([up[0] * up[2], up[1] * up[2], up[2] ** 2 - 1]);
   const seen = enlarged(shrunk(shown.seen, shown.height, SEEN_ROWS, 1), SEEN_ROWS, rows, 1);
   const hidden = (whole: Float32Array) =>
@@ -46,16 +49,34 @@ export function continued(
   const result = map.slice();
   const directions = texelDirections(rows);
   for (let i = 0; i < map.length; i += 3) {
-    const ahead = (1 + along(directions, i, front)) / 2;
-    const strength = far + (near - far) * ahead ** 2;
+    const toFront = ((1 + along(directions, i, front)) / 2) ** 2;
     const [first, part] = rowAndPart(along(directions, i, up), rows);
     for (let c = 0; c < 3; c++) {
-      const here = change[3 * first + c]! * (1 - part) + change[3 * first + 3 + c]! * part;
-      result[i + c]! *= Math.exp(here * strength);
+      const at = (of: Float32Array) =>
+        of[3 * first + c]! * (1 - part) + of[3 * first + 3 + c]! * part;
+      result[i + c]! *= Math.exp(at(inFront) * toFront + at(behind) * (1 - toFront));
     }
   }
   const [was, is] = [hidden(map), hidden(result)];
   return result.map((value, i) => value * (was[i % 3]! / Math.max(is[i % 3]!, 1e-30)));
+}
+
+/** Rows of three channels blurred by a Gaussian of elevation; a width of 0 leaves them. */
+function blurred(change: Float32Array, sigmaRad: number): Float32Array {
+  if (sigmaRad <= 0) return change;
+  const rows = change.length / 3;
+  const weights = Array.from({ length: rows }, (_, k) => {
+    return Math.exp(-(((k * Math.PI) / rows / sigmaRad) ** 2) / 2);
+  });
+  return change.map((_, i) => {
+    let [sum, whole] = [0, 0];
+    for (let row = 0; row < rows; row++) {
+      const weight = weights[Math.abs(row - Math.floor(i / 3))]!;
+      sum += weight * change[3 * row + (i % 3)]!;
+      whole += weight;
+    }
+    return sum / whole;
+  });
 }
 
 /** Means along the level rows of a panorama, the highest first. */

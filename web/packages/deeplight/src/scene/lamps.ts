@@ -5,7 +5,7 @@
 import { PHOTO_LIGHT } from "../contract/generated.ts";
 import { type Lamp, lobeOnBall, luminous } from "../light/lamp.ts";
 import { findMainLight } from "../light/main-light.ts";
-import { normalised, type Vector3 } from "../light/matrix.ts";
+import { dot, normalised, type Vector3 } from "../light/matrix.ts";
 import { pixelDirection, powerOfBall, solidAngles } from "../light/mirror-ball.ts";
 import { shrunk, texelDirections, texelOf } from "../light/panorama.ts";
 import { addRaised, type ClippedArea, clippedAreas, lampOf } from "./clipped-areas.ts";
@@ -13,7 +13,7 @@ import { type ProjectedPhoto, smoothstep } from "./image-plane.ts";
 
 const { CATCH_RAD, CONE_EDGE_RAD, CONE_RAD, LAMP_RADIUS_RAD, LARGEST_OWN_RAD } = PHOTO_LIGHT;
 const { LEAST_LEFT, LEAST_SHARE, LOBE_END, MOST_LAMPS, OWN_COLOUR, OWN_RADIUS_RAD } = PHOTO_LIGHT;
-const { UNSEEN } = PHOTO_LIGHT;
+const { TOGETHER_RAD, UNSEEN } = PHOTO_LIGHT;
 const SEEN_ROWS = 64;
 
 /** Where an estimate's excess went; lamps, areas and rest together hold the estimate's power. */
@@ -53,7 +53,7 @@ export function findLamps(
   const least = LEAST_SHARE * luminous(powerOfBall(ball, size));
   const shown = clippedAreas(photo);
   const fluxes = shown.map((): [number, number, number] => [0, 0, 0]);
-  const lamps: Lamp[] = [];
+  const apart: Lamp[] = [];
   const seen = shrunk(photo.seen, photo.height, SEEN_ROWS, 1);
   for (const part of parts) {
     const nearest = nearestAreas(part, shown, photo.height);
@@ -65,9 +65,10 @@ export function findLamps(
     const sum = summed(free);
     if (luminous(sum) > least) {
       const direction = unseenDirection(part, free, seen);
-      lamps.push({ direction, flux: sum, angularRadiusRad: part.radiusRad });
+      apart.push({ direction, flux: sum, angularRadiusRad: part.radiusRad });
     } else putBack(rest, size, part, free);
   }
+  const lamps = together(apart, seen);
   const areas = new Float32Array(photo.radiance.length);
   const order = [...shown.keys()].sort((a, b) => luminous(fluxes[b]!) - luminous(fluxes[a]!));
   for (const k of order) {
@@ -78,6 +79,25 @@ export function findLamps(
   }
   lamps.sort((a, b) => luminous(b.flux) - luminous(a.flux));
   return { lamps, areas, rest };
+}
+
+/** Lamps near each other as one in their middle, the nearest two first; none in the photo. */
+function together(lamps: Lamp[], seen: Float32Array): Lamp[] {
+  const pairs = lamps.flatMap((one, i) => lamps.slice(i + 1).map((other) => [one, other] as const));
+  const cosine = ([one, other]: readonly [Lamp, Lamp]) => dot(one.direction, other.direction);
+  pairs.sort((a, b) => cosine(b) - cosine(a));
+  for (const [one, other] of pairs) {
+    if (cosine([one, other]) < Math.cos(TOGETHER_RAD)) break;
+    const [a, b] = [luminous(one.flux), luminous(other.flux)];
+    const middle = normalised(
+      one.direction.map((value, c) => a * value + b * other.direction[c]!) as unknown as Vector3,
+    );
+    if (seen[texelOf(...middle, SEEN_ROWS)]! >= UNSEEN) continue;
+    const angularRadiusRad = Math.max(one.angularRadiusRad, other.angularRadiusRad);
+    const both = { direction: middle, flux: summed([one.flux, other.flux]), angularRadiusRad };
+    return together([...lamps.filter((lamp) => lamp !== one && lamp !== other), both], seen);
+  }
+  return lamps;
 }
 
 /** What stands out, one after the other; each is taken out of `rest`. */
