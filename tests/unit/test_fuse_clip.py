@@ -80,3 +80,21 @@ def test_a_finished_stretch_is_taken_as_it_is(film: Path, tmp_path: Path) -> Non
     assert held is not None
     folder.keep("stretch_000001", **{**held, "pixels": held["pixels"] // 2})
     assert listed(clip_frames(film, folder)) != wanted
+
+
+def test_each_stretch_is_read_once(
+    film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, read = kept(tmp_path), []
+    arrays = KeptFolder.arrays
+
+    def noted(self: KeptFolder, name: str) -> dict[str, np.ndarray] | None:
+        read.append(name)
+        return arrays(self, name)
+
+    monkeypatch.setattr(KeptFolder, "arrays", noted)
+    frames = clip_frames(film, folder)
+    next(frames)
+    assert [name for name in read if name.startswith("stretch")] == ["stretch_000000"]
+    list(frames)
+    assert len(read) == len(set(read)) > 2

@@ -21,7 +21,7 @@ from deeplight.io.photos import Photo
 from deeplight.io.video import VideoFrame, facts, video_frames
 
 STRETCH_S = 10.0
-_ALL = "stretches"
+_ALL = "counts"
 _WHOLE = 0.9  # of the frames that a file claims; cuts that hide some are no damage
 
 
@@ -43,16 +43,13 @@ def clip_frames(path: Path, kept: KeptFolder | None, workers: int = 1) -> Iterat
             yield from stretch.frames(count)
             count += stretch.count
         return
-    if not kept.has(_ALL):
-        _look_through(path, kept, workers)
-    numbers = _numbers(kept.arrays(_ALL))
-    notes = _missing(path, sum(_Stretch.kept(kept, number).count for number in numbers))
-    count = 0
-    for number in numbers:
-        stretch = _Stretch.kept(kept, number)
-        for frame in stretch.frames(count):
+    counts = _counts(path, kept, workers)
+    notes = _missing(path, sum(counts.values()))
+    before = 0
+    for number, count in counts.items():
+        for frame in _Stretch.kept(kept, number).frames(before):
             yield replace(frame, notes=(*frame.notes, *notes))
-        count += stretch.count
+        before += count
 
 
 def _missing(path: Path, frames: int) -> tuple[str, ...]:
@@ -126,8 +123,18 @@ class _Part:
     end: float
 
 
-def _look_through(path: Path, kept: KeptFolder, workers: int) -> None:
-    """Fill in the stretches that are missing, and then the list of all."""
+def _counts(path: Path, kept: KeptFolder, workers: int) -> dict[int, int]:
+    """How many frames each stretch has, in order; those that are missing are filled in."""
+    held = kept.arrays(_ALL)
+    if held is None:
+        counts = _look_through(path, kept, workers)
+        kept.keep(_ALL, counts=np.array(counts, int).reshape(-1, 2))
+        return dict(counts)
+    return dict(held["counts"].tolist())
+
+
+def _look_through(path: Path, kept: KeptFolder, workers: int) -> list[tuple[int, int]]:
+    """Fill in the stretches that are missing: their numbers and how many frames each has."""
     length_s = facts(path).duration_s if workers != 1 else None
     stretches = 1 if length_s is None else max(1, math.ceil(length_s / STRETCH_S))
     most = min(workers or os.cpu_count() or 1, stretches)
@@ -136,19 +143,19 @@ def _look_through(path: Path, kept: KeptFolder, workers: int) -> None:
         _Part(path, kept, first, end)
         for first, end in zip(cuts, [*cuts[1:], math.inf], strict=True)
     ]
-    found: set[int] = set()
+    found: set[tuple[int, int]] = set()
     for done in jobs.run(parts, _done, jobs.Engine(workers=most)):
         if done.error is not None:
             raise done.error
         found |= set(done.result or ())
-    kept.keep(_ALL, numbers=np.array(sorted(found), int))
+    return sorted(found)
 
 
-def _done(part: _Part) -> list[int]:
-    """Look through one process's stretches; give the numbers of those that have frames."""
+def _done(part: _Part) -> list[tuple[int, int]]:
+    """Look through one process's stretches; give numbers and counts of those that have frames."""
     found, start = [], part.first
     while start < part.end and part.folder.has(_name(start)):
-        found.append(start)
+        found.append((start, _counted(part.folder, start)))
         start += 1
     if start == part.end:
         return found
@@ -157,18 +164,21 @@ def _done(part: _Part) -> list[int]:
     for number, group in _stretches(stills):
         if number >= part.end:
             break
-        found.append(number)
-        if not part.folder.has(_name(number)):
-            _Stretch.of(group).keep(part.folder, number)
+        found.append((number, _counted(part.folder, number, group)))
     return found
+
+
+def _counted(folder: KeptFolder, number: int, stills: Iterator[VideoFrame] | None = None) -> int:
+    """How many frames a stretch has, which is kept then; without stills it is already."""
+    if stills is None or folder.has(_name(number)):
+        return _Stretch.kept(folder, number).count
+    stretch = _Stretch.of(stills)
+    stretch.keep(folder, number)
+    return stretch.count
 
 
 def _stretches(stills: Iterator[VideoFrame]) -> Iterator[tuple[int, Iterator[VideoFrame]]]:
     return groupby(stills, lambda still: max(0, int(still.time_s // STRETCH_S)))
-
-
-def _numbers(held: dict[str, np.ndarray] | None) -> list[int]:
-    return [] if held is None else [int(number) for number in held["numbers"]]
 
 
 def _name(number: int) -> str:
