@@ -43,6 +43,16 @@ def test_a_given_one_is_of_all_but_parts_of_panoramas() -> None:
     assert given == pytest.approx([radians(50), radians(50), radians(40)])
 
 
+def test_where_a_file_says_otherwise_a_line_says_which_is_used() -> None:
+    frames = [frame(UPRIGHT), frame(UPRIGHT, 67), frame(UPRIGHT, 68), frame(UPRIGHT, 40, part=True)]
+    notes = {note for f in with_fields_of_view(frames, radians(50)) for note in f.notes}
+    (note,) = notes
+    for part in ("50 degrees as given", "67", "1 more"):
+        assert part in note
+    for given in (None, 67.5):
+        assert not any(f.notes for f in with_fields_of_view(frames, given and radians(given)))
+
+
 def test_without_any_word_nothing_is_known() -> None:
     assert fovs([frame(UPRIGHT), frame(LYING)]) == [0, 0]
 

@@ -15,6 +15,8 @@ from deeplight.io.exif import exif_directories, number
 from deeplight.io.photos import Photo
 from deeplight.preprocess import frame_photo
 
+_SAME_RAD = math.radians(1)  # a field of view given that is off by less is not worth a word
+
 
 @dataclass(frozen=True, eq=False)
 class SourceFrame:
@@ -69,7 +71,7 @@ def with_fields_of_view(
     Args:
         frames: in the order given.
         fov_rad: of the first, if somebody gives it; then all but parts of panoramas are its
-            camera's.
+            camera's, and a note says where a frame's own file says otherwise.
     """
     if not frames:
         return []
@@ -85,10 +87,26 @@ def with_fields_of_view(
     shape = frames[first].pixels.shape
     longer = max(shape) / shape[0]
     alike = [scaled(fov_rad, longer * len(f.pixels) / max(f.pixels.shape)) for f in frames]
+    used = [said or same for said, same in zip(own, alike, strict=True)]
+    notes = _overruled(frames, used)
     return [
-        replace(frame, vertical_fov_rad=said or same)
-        for frame, said, same in zip(frames, own, alike, strict=True)
+        replace(frame, vertical_fov_rad=fov, notes=(*frame.notes, *notes))
+        for frame, fov in zip(frames, used, strict=True)
     ]
+
+
+def _overruled(frames: Sequence[SourceFrame], used_rad: Sequence[float]) -> tuple[str, ...]:
+    """What to say where files say another field of view than is used."""
+    differ = [
+        (frame.name, math.degrees(used), math.degrees(frame.vertical_fov_rad))
+        for frame, used in zip(frames, used_rad, strict=True)
+        if frame.vertical_fov_rad and abs(used - frame.vertical_fov_rad) > _SAME_RAD
+    ]
+    if not differ:
+        return ()
+    name, used, said = differ[0]
+    others = f" (and {len(differ) - 1} more differ)" if len(differ) > 1 else ""
+    return (f"field of view {used:.0f} degrees as given, not {said:.0f} as {name} says{others}",)
 
 
 def field_of_view(frame: SourceFrame) -> float:

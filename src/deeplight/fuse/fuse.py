@@ -128,9 +128,10 @@ def fuse_frames(
     """Place frames and fuse them.
 
     Args:
-        frames: with their rotations, or all without.
+        frames: with their rotations, or all without, and so their fields of view
+            (`with_fields_of_view`).
         estimator: the network.
-        settings: how.
+        settings: how; the field of view is the frames'.
         front: a photo of the front camera, taken with the first frame.
         kept: where a run that was killed has left rotations and estimates of these frames.
 
@@ -143,7 +144,6 @@ def fuse_frames(
     if not 0 <= (settings.frame or 0) < len(frames):
         got = f"{settings.frame} of {len(frames)} frames"
         raise ConfigError("--frame among the frames used, from 0", got, "give another number")
-    frames = with_fields_of_view(frames, settings.fov_deg and radians(settings.fov_deg))
     turns, fovs, notes = _placed(frames, front is not None, kept)
     asked = min(turns) if settings.frame is None else settings.frame
     if asked not in turns:
