@@ -65,6 +65,14 @@ def test_where_the_camera_strayed_rotations_are_better_with_its_places() -> None
     assert worst(alone) > 2 * worst(rotations)
 
 
+def test_so_they_are_after_ten_centimetres() -> None:
+    matches = pairs(0.1)
+    rotations, _, _ = adjusted(matches, begun(), Free(scale=False, places=True))
+    alone, _, _ = adjusted(matches, begun(), Free(scale=False, places=False))
+    assert worst(rotations) < 1
+    assert worst(alone) > 4 * worst(rotations)
+
+
 def test_where_it_did_not_nothing_changes() -> None:
     matches = pairs(0.0)
     both = [

@@ -4,9 +4,9 @@ Nobody turns a phone about its lens. A camera that strays by c sees what lies at
 direction r moved to c / d + s r, and the part of c along r drops out: a step to the side looks like
 a rotation in the middle of the picture, and unlike one towards its edges. Solved for, it leaves the
 rotations alone. 1 / d is taken for a smooth function of the direction, as in a room; what stands
-out has parallax left, which the robust weights outvote. Where the camera hardly strayed all this
-would only fit noise, and bend a turn that does not close, so it has to explain much of what
-rotations leave.
+out has parallax left, which the robust weights outvote. A hand strays by centimetres, and that is
+what places are drawn to; where it strayed by nothing that can be seen they would only fit noise,
+and bend a turn that does not close, so they have to explain something of what rotations leave.
 
 Matches miss by parts of a pixel, and a smaller field of view makes pixels, and so all misses,
 smaller. So misses are compared in the pixels' size, not in angles: else noise makes every field of
@@ -24,15 +24,18 @@ from deeplight.frames import Rotation, crosses, dot, exponential, normalised
 from deeplight.harmonics import basis
 
 SOFT_RAD = radians(0.3)
-"""A residual of this size counts half."""
-_ROUNDS = 15
+"""A residual of this size counts half at most."""
+_LEAST_SOFT_RAD = radians(0.05)
+_SOFT = 2.0  # medians of the residuals that count half, where that is less
+_ROUNDS = 20
 _MOST, _FEWEST = 12_000, 20  # matches in all, and of each pair if that would leave too few
+_COUNTED = 60  # matches of a pair that count in full: they share what the model leaves out
 _FOV_SIGMA = 0.15  # ln of the tangent: how far an assumed field of view may be off
-_STRAY_SIGMA = 0.14  # of where the camera is, in mean distances of what it sees
+_STRAY_SIGMA = 0.05  # of where the camera is, in mean distances of what it sees
 _DEPTH_SIGMA = 0.3  # of each harmonic of 1 / distance, whose mean is 1
 _DEPTH_ORDER = 3
 _DEPTHS = (_DEPTH_ORDER + 1) ** 2 - 1
-_EXPLAINED = 0.6  # of the residual of rotations alone may be left with strayed cameras
+_EXPLAINED = 0.9  # of the residual of rotations alone may be left with strayed cameras
 _FIRST_STAYS = 1e3
 _FARTHEST = 0.4  # from the origin, in mean distances
 _NEARNESS = (0.2, 2.4)
@@ -63,7 +66,7 @@ class _Matches:
     Attributes:
         i, j: each pair's pictures, by their place among those solved for.
         one, other: their points.
-        counts: 1, or 0 for those that fill up.
+        counts: how much each counts, 0 for those that fill up.
     """
 
     i: Int[np.ndarray, " pairs"]
@@ -80,7 +83,7 @@ class _Matches:
         for k, pair in enumerate(pairs):
             number = min(most, len(pair.one))
             one[k, :number], other[k, :number] = pair.one[:number], pair.other[:number]
-            counts[k, :number] = 1
+            counts[k, :number] = min(1.0, _COUNTED / number)
         i, j = (np.array([order[n] for n in side]) for side in zip(*map(_ends, pairs), strict=True))
         return cls(i, j, one, other, counts)
 
@@ -168,7 +171,9 @@ def adjusted(
     if free.places:
         strayed = replace(cameras, depths=np.zeros(_DEPTHS))
         strayed, left = _solved(strayed, matches, free.scale)
-        if left < _EXPLAINED * residual:
+        more = 3 * len(order) + _DEPTHS  # unknowns, which fit noise as well
+        by_chance = np.sqrt(max(0.0, 1 - more / (2 * np.count_nonzero(matches.counts))))
+        if left < _EXPLAINED * by_chance * residual:
             cameras = strayed
     turns = cameras.turns[0].T @ cameras.turns
     found = {number: turns[place] for number, place in order.items()}
@@ -187,13 +192,18 @@ def _solved(cameras: _Cameras, matches: _Matches, free_scale: bool) -> tuple[_Ca
     for _ in range(_ROUNDS):
         step = _step(cameras, matches, free_scale, soft)
         cameras = cameras.moved(step)
-        soft = max(SOFT_RAD, 0.7 * soft)
+        missed = _missed(cameras, matches)
+        soft = max(float(np.clip(_SOFT * missed, _LEAST_SOFT_RAD, SOFT_RAD)), 0.7 * soft)
         if np.abs(step).max() < 1e-5:
             break
+    return cameras, missed
+
+
+def _missed(cameras: _Cameras, matches: _Matches) -> float:
+    """The median angle by which matches miss each other."""
     _, a = cameras.points(matches.i, matches.one)
     _, b = cameras.points(matches.j, matches.other)
-    misses = np.linalg.norm(a - b, axis=-1)[matches.counts > 0]
-    return cameras, float(np.median(misses))
+    return float(np.median(np.linalg.norm(a - b, axis=-1)[matches.counts > 0]))
 
 
 def _step(

@@ -20,13 +20,14 @@ from deeplight.fuse.poses import angle_between, nearest_rotation
 
 WORKING_SIDE = 480
 """Pixels of the longer side of the pictures that features are looked for in."""
-FEATURES = 700
+FEATURES = 1200
+_CONTRAST = 0.01  # SIFT's: of fewer features a bare room's pairs have too few
 FEWEST = 14
 """Matches that must agree on a rotation before a pair counts."""
 _AGREE_RAD = radians(0.8)
 _RATIO = 0.8  # a match must be so much better than the second best
 _TRIALS = 300
-_KEPT = 60  # matches of a pair that go into the adjustment
+_KEPT = 150  # matches of a pair that go into the adjustment
 _AHEAD = 3  # neighbours in time that every picture is matched with
 _REACH_RAD = radians(55)  # pictures that look nearer each other than this may overlap
 _DRIFT_RAD = 0.01  # by which that grows with each picture between them
@@ -115,7 +116,9 @@ def features_of(picture: UInt8[np.ndarray, "height width 3"], half_height: float
     bright = max(float(np.quantile(grey, 0.95)), _DARKEST)
     if bright < _BRIGHT:  # of a burst's dark exposures: SIFT looks for contrast in levels
         grey = cv2.convertScaleAbs(grey, alpha=_BRIGHT / bright)
-    points, words = cv2.SIFT.create(FEATURES, contrastThreshold=0.015).detectAndCompute(grey, None)
+    points, words = cv2.SIFT.create(FEATURES, contrastThreshold=_CONTRAST).detectAndCompute(
+        grey, None
+    )
     if words is None or len(words) < 2:
         return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
     at = np.array([point.pt for point in points])
