@@ -12,7 +12,7 @@ import pytest
 
 from deeplight.errors import ConfigError, ImageFileError
 from deeplight.io import atomic
-from deeplight.io.atomic import fitted, only_run, replacing
+from deeplight.io.atomic import check_writable, fitted, only_run, replacing
 from deeplight.io.photograph import write_photograph
 from deeplight.io.radiance import write_exr, write_hdr
 from deeplight.io.video_writer import VideoWriter
@@ -99,6 +99,26 @@ def test_what_cannot_be_named_is_said_before_it_is_written(tmp_path: Path) -> No
     with pytest.raises(ImageFileError, match="not UTF-8"):
         write_exr(folder / "a.exr", NOISE)
     write_exr(tmp_path / os.fsdecode(b"caf\xe9.exr"), NOISE)
+
+
+def test_errors_name_the_file_that_was_asked_for(tmp_path: Path) -> None:
+    target = tmp_path / "light.exr"
+    with pytest.raises(FileNotFoundError) as caught, replacing(target):
+        pass
+    assert caught.value.filename == str(target)
+    target.mkdir()
+    with pytest.raises(IsADirectoryError) as caught, replacing(target) as temporary:
+        temporary.write_text("whole")
+    assert caught.value.filename == str(target)
+
+
+def test_what_cannot_be_written_is_known_before(tmp_path: Path) -> None:
+    check_writable(tmp_path / "a.onnx")
+    assert not list(tmp_path.iterdir())
+    for path in (tmp_path, tmp_path / "missing" / "a.onnx"):
+        with pytest.raises((IsADirectoryError, FileNotFoundError)) as caught:
+            check_writable(path)
+        assert caught.value.filename == str(path)
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.exr"])

@@ -305,6 +305,12 @@ def test_what_cannot_be_used_is_one_line(clips, tmp_path, monkeypatch, capfd, wo
     assert not list(tmp_path.iterdir())
 
 
+def test_an_out_that_cannot_be_written_is_said_before_the_clips_are_looked_at(tmp_path, capfd):
+    (tmp_path / "a.onnx").mkdir()
+    assert main(["calibrate", str(tmp_path / "no.mp4"), "--out", str(tmp_path / "a.onnx")]) == 2
+    assert f"{tmp_path / 'a.onnx'}" in capfd.readouterr().err
+
+
 def test_every_split_of_the_clips_is_looked_at(clips):
     views = views_of(Even(), open_dataset(clips))
     assert sum(len(part.places) for part in views) == 8

@@ -44,6 +44,19 @@ def run(args: Args) -> None:
         InputError: no usable clip, too few places, or no better model.
         OSError: a file cannot be written.
     """
+    from deeplight.errors import ConfigError
+    from deeplight.io.atomic import check_writable, results_folder
+
+    if args.out.suffix.lower() != ".onnx":
+        raise ConfigError("--out FILE.onnx", f"{args.out}", "correct it")
+    if not args.clips:
+        raise ConfigError("clips of the spheres, or data sets of them", "none", "name them")
+    with results_folder(args.out.parent):
+        check_writable(args.out)
+        _calibrate(args)
+
+
+def _calibrate(args: Args) -> None:
     from rich.markup import escape
 
     from deeplight.calibrate.gains import words
@@ -51,12 +64,7 @@ def run(args: Args) -> None:
     from deeplight.cli.flags import refuse_unused
     from deeplight.cli.screen import progress_bar, results_console
     from deeplight.dataset.manifest import MANIFEST
-    from deeplight.errors import ConfigError
 
-    if args.out.suffix.lower() != ".onnx":
-        raise ConfigError("--out FILE.onnx", f"{args.out}", "correct it")
-    if not args.clips:
-        raise ConfigError("clips of the spheres, or data sets of them", "none", "name them")
     data = [path for path in args.clips if (path / MANIFEST).is_file()]
     videos = [path for path in args.clips if path not in data]
     if videos:

@@ -36,7 +36,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
     `path`.
 
     Raises:
-        OSError: the folder cannot be made or written, or the disk is full.
+        OSError: the folder cannot be made or written, or the disk is full; by the name of `path`.
     """
     path = Path(path)
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
@@ -45,13 +45,38 @@ def replacing(path: Path | str) -> Iterator[Path]:
     _remove_leftovers(path.parent.resolve())
     temporary = path.with_name(_temporary_name(path))
     try:
-        mode = _usual_mode(temporary)
-        yield temporary
-        _settle(temporary, path)
-        temporary.chmod(mode)
-        temporary.replace(path)
+        with _named(path, temporary):
+            mode = _usual_mode(temporary)
+            yield temporary
+            _settle(temporary, path)
+            temporary.chmod(mode)
+            temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
+        raise
+
+
+def check_writable(path: Path) -> None:
+    """Refuse before long work a file that cannot be written when it is done.
+
+    Raises:
+        OSError: it is a folder, or its folder is missing or cannot be written.
+    """
+    if path.is_dir():
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    temporary = path.with_name(_temporary_name(path))
+    with _named(path, temporary):
+        _usual_mode(temporary)
+
+
+@contextmanager
+def _named(path: Path, temporary: Path) -> Iterator[None]:
+    """Let errors of the temporary file name the one that it stands for."""
+    try:
+        yield
+    except OSError as error:
+        if str(error.filename) == str(temporary):
+            error.filename, error.filename2 = str(path), None
         raise
 
 
