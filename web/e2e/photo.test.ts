@@ -14,6 +14,7 @@ import { pixels, saved } from "./pictures.ts";
 import { ballOf, estimated, farthest, type Site, serve } from "./python.ts";
 
 const CANTEEN = fileURLToPath(new URL("canteen.jpg", PHOTOS));
+const RACCOON = fileURLToPath(new URL("raccoon.jpg", PHOTOS)); // 4:3, on its side
 const PAGODA = fileURLToPath(new URL("pagoda.jpg", PHOTOS));
 const GLB = { name: "box.glb", mimeType: "model/gltf-binary" };
 let site: Site;
@@ -56,6 +57,7 @@ function apart(ours: Float32Array, theirs: Float32Array): number {
 test.each([
   ["with a field of view in EXIF", CANTEEN],
   ["without", PAGODA],
+  ["into which the network's view is slid", RACCOON],
 ])("a photo %s gets Python's light", async (_, file) => {
   const { page, leave } = await visit(browser, site.url);
   await openPhoto(page, file);
