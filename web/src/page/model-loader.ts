@@ -36,11 +36,14 @@ export class ModelLoader {
       worker: () =>
         new Worker(new URL("./estimate-worker.ts", import.meta.url), { type: "module" }),
       onProgress: (done, all) => {
-        if (all > 0) bar.value = done / all; // some servers do not say
+        if (!(all > 0)) return; // some servers do not say
+        bar.value = done / all;
+        box("meter-loading").textContent = `· model ${Math.round((100 * done) / all)} %`;
       },
     });
     const hide = (): void => {
       box("loading").hidden = true;
+      box("meter-loading").textContent = "";
     };
     estimator.loaded.then(hide, hide); // whoever needs the estimator gets the failure
     return estimator;
