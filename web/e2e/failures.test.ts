@@ -6,6 +6,7 @@ import { launch, untilLit, visit } from "./browser.ts";
 import { PHOTOS } from "./clip.ts";
 import { type Site, serve } from "./python.ts";
 
+const PIXEL = Buffer.from("R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7", "base64");
 const CANTEEN = fileURLToPath(new URL("canteen.jpg", PHOTOS));
 let site: Site;
 let browser: Browser;
@@ -135,9 +136,47 @@ test("no WebGL", async () => {
   await leave(/WebGL/);
 });
 
+test("a photo takes the notice of another one back, and one that opens late does not replace it", async () => {
+  const { page, leave } = await visit(browser, site.url, { withoutModel: true });
+  const pixel = { name: "pixel.gif", mimeType: "image/gif", buffer: PIXEL };
+  await page.setInputFiles("#photo-file", pixel);
+  await shows(page, "photo-too-small", "photo");
+  await page.evaluate(() => {
+    const open = createImageBitmap;
+    window.createImageBitmap = (async (file: ImageBitmapSource) => {
+      if ((file as File).name === "pixel.gif")
+        await new Promise((later) => setTimeout(later, 2000));
+      return open(file);
+    }) as typeof createImageBitmap;
+  });
+  await page.setInputFiles("#photo-file", pixel);
+  await page.setInputFiles("#photo-file", CANTEEN);
+  await page.waitForSelector("#notice", { state: "hidden" });
+  await page.waitForTimeout(3000);
+  expect(await page.isVisible("#notice")).toBe(false);
+  await leave();
+});
+
+test("a photo that waits for the model says how much of it is there", async () => {
+  const before = async (page: Page) => {
+    const network = await page.context().newCDPSession(page);
+    await network.send("Network.enable");
+    const downloadThroughput = 1_500_000; // bytes a second: the model takes some
+    const how = { offline: false, latency: 0, downloadThroughput, uploadThroughput: -1 };
+    await network.send("Network.emulateNetworkConditions", how);
+  };
+  const { page, leave } = await visit(browser, site.url, { before });
+  await page.setInputFiles("#photo-file", CANTEEN);
+  await expect.poll(() => page.textContent("#meter")).toMatch(/model [1-9]\d? %/);
+  await untilLit(page);
+  expect(await page.textContent("#meter")).not.toMatch(/model/);
+  await leave();
+});
+
 test.each([
   ["a text", "photo-unreadable", Buffer.from("no photo")],
   ["100 megabytes", "photo-too-large", Buffer.alloc(1)],
+  ["a single pixel", "photo-too-small", PIXEL],
 ])("%s instead of a photo", async (_, kind, buffer) => {
   const { page, leave } = await visit(browser, site.url, { withoutModel: true });
   if (kind === "photo-too-large") {

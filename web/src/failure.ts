@@ -16,6 +16,7 @@ export type FailureKind =
   | "graphics-lost"
   | "photo-unreadable"
   | "photo-too-large"
+  | "photo-too-small"
   | "glb-broken"
   | "glb-packed"
   | "glb-too-large"

@@ -24,7 +24,7 @@ export class Photo implements Picture {
   /**
    * Reads a picture file.
    *
-   * @throws Failure `photo-too-large` or `photo-unreadable`.
+   * @throws Failure `photo-too-large`, `photo-too-small` or `photo-unreadable`.
    */
   static async open(file: Blob): Promise<Photo> {
     if (file.size > MOST_BYTES) throw new Failure("photo-too-large");
@@ -34,8 +34,7 @@ export class Photo implements Picture {
     try {
       const { width, height } = bitmap;
       if (width * height > MOST_PIXELS) throw new Failure("photo-too-large");
-      if (Math.min(width, height) < 32)
-        throw new Failure("photo-unreadable", "smaller than 32 pixels");
+      if (Math.min(width, height) < 32) throw new Failure("photo-too-small");
       const facts = cameraFacts(await file.arrayBuffer(), width, height);
       const name = file instanceof File ? file.name : null;
       return new Photo(name, drawn(bitmap, width, height), facts);

@@ -115,6 +115,11 @@ const ADVICE: Record<FailureKind, Advice> = {
     sentence: "It has more than 100 megapixels or megabytes. Choose a smaller one.",
     remedies: ["photo", "close"],
   },
+  "photo-too-small": {
+    title: "This photo is too small",
+    sentence: "It has fewer than 32 pixels along a side. Choose a larger one.",
+    remedies: ["photo", "close"],
+  },
   "glb-broken": {
     title: "This object cannot be read",
     sentence: "It is not a complete .glb file with triangles in it.",

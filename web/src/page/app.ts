@@ -62,6 +62,7 @@ export class App {
   private isTiltKnown = false;
   private watch: Watch | null = null;
   private readonly meter = new Meter();
+  private photosAsked = 0;
   private readonly panel = new LightPanel();
 
   constructor(
@@ -153,15 +154,18 @@ export class App {
 
   /** @param tiltRad of the camera, where it is known. */
   async openPhoto(file: Blob | Promise<Blob>, tiltRad?: number): Promise<void> {
+    const asked = ++this.photosAsked;
     try {
       const picture = await Photo.open(await file);
+      if (asked !== this.photosAsked) return; // a smaller one that was chosen later was quicker
+      this.notice.close();
       this.go({ what: "photo-opened", picture });
       this.forget();
       const pitchRad = tiltRad ?? (picture.up && Math.asin(-picture.up[2]));
       this.isTiltKnown = pitchRad !== null;
       this.show(picture, pitchRad ?? ASSUMED_TILT_RAD);
     } catch (error) {
-      this.notice.show(error);
+      if (asked === this.photosAsked) this.notice.show(error);
     }
   }
 
@@ -309,7 +313,7 @@ export class App {
   private estimate(): void {
     const picture = pictureOf(this.state);
     this.meter.clear();
-    this.showMeter();
+    box("meter-text").textContent = String(this.meter);
     this.onChange();
     this.model.use((estimator) => {
       if (!picture || pictureOf(this.state) !== picture) return;
@@ -356,7 +360,7 @@ export class App {
 
   private looked({ visualPose, isNew, tookMs }: Looked): void {
     this.meter.count(performance.now(), tookMs);
-    this.showMeter();
+    box("meter-text").textContent = String(this.meter);
     if (isNew) announce("Another place: the light is gathered anew.");
     if (!visualPose) return;
     if (isNew || this.isWorldNew) this.hand.keepInSight(this.pose(), visualPose);
@@ -380,10 +384,6 @@ export class App {
       return picture.verticalFovRad;
     }
     return verticalFov(picture, longSideFovRad);
-  }
-
-  private showMeter(): void {
-    box("meter-text").textContent = String(this.meter);
   }
 
   private moved(): void {

@@ -37,6 +37,11 @@ export class Notice {
     if (!this.dialog.open) this.dialog.showModal();
   }
 
+  /** Takes back what was said, where it no longer holds. */
+  close(): void {
+    this.dialog.close();
+  }
+
   private made(remedy: Remedy, isFirst: boolean, act: () => void): HTMLButtonElement {
     const made = document.createElement("button");
     made.type = "button";
