@@ -11,7 +11,7 @@ from deeplight.errors import ImageFileError
 from deeplight.io.colour import ACES_AP0, ACES_AP1, BT709, BT2020, CIE_XYZ, bt709_from_primaries
 from deeplight.io.environment_file import read_environment
 from deeplight.io.photos import read_photo
-from deeplight.io.radiance import read_hdr
+from deeplight.io.radiance import read_hdr, write_exr
 from profiles import rgb_profile
 
 HEIGHT, WIDTH = 32, 64
@@ -340,3 +340,10 @@ def test_a_huge_display_window_is_refused(tmp_path: Path) -> None:
     path = write_parts(tmp_path / "a.exr", [("", layer(""))], window)
     with pytest.raises(ImageFileError, match="25000 x 25000"):
         read_hdr(path)
+
+
+def test_an_exr_of_ours_says_its_primaries_and_keeps_its_values(tmp_path: Path) -> None:
+    write_exr(tmp_path / "a.exr", light())
+    spec = oiio.ImageInput.open(str(tmp_path / "a.exr")).spec()
+    assert spec.getattribute("chromaticities") == pytest.approx(BT709)
+    np.testing.assert_array_equal(read_hdr(tmp_path / "a.exr"), light())

@@ -23,6 +23,7 @@ from deeplight.formats.webxr import light_estimate
 from deeplight.frames import normalised, world_from_camera
 from deeplight.harmonics import irradiance_coefficients, spherical_harmonics
 from deeplight.io.environment_file import read_environment
+from deeplight.io.tilt import Tilt
 from deeplight.lamp import Lamp, draw_lamps
 from deeplight.mappings import latlong
 
@@ -182,6 +183,13 @@ def test_an_edit_changes_panorama_and_lamps_alike(made: Environment, edit: Edit)
     others = draw_lamps([x for x in edited.lamps if x is not found], edited.height)
     peak = edited.radiance[tuple(np.argwhere(draw_lamps([found], edited.height)[..., 1] > 0)[0])]
     assert (peak > edited.ambient.max((0, 1))).all() or others.any()
+
+
+def test_the_tilt_that_the_json_says_makes_the_light_level(made: Environment) -> None:
+    tilt = Tilt(*np.radians([-25.0, 8.0]), "a test")
+    level = made.edited(Edit(turn=(0.0, np.degrees(tilt.pitch_rad), np.degrees(tilt.roll_rad))))
+    for lamp, before in zip(level.lamps, made.lamps, strict=True):
+        assert lamp.direction[1] == pytest.approx(before.direction @ tilt.up, abs=1e-6)
 
 
 def test_a_turned_light_keeps_its_lamps_small(made: Environment) -> None:

@@ -154,7 +154,8 @@ def _tilt_record(tilt: Tilt) -> dict[str, Any]:
         "pitch_deg": degrees(tilt.pitch_rad),
         "roll_deg": degrees(tilt.roll_rad),
         "meaning": "pitch: up is positive; roll: counter-clockwise is positive; scale: two of "
-        "three such pitches are less off, 0 where it is known",
+        "three such pitches are less off, 0 where it is known; up: against gravity, camera frame; "
+        "`deeplight convert --turn 0 PITCH ROLL` makes the environment level",
         "scale_deg": degrees(tilt.scale_rad),
         "source": tilt.source,
         "up": tilt.up.tolist(),

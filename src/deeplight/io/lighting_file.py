@@ -33,6 +33,7 @@ SEEN_HEIGHT = 64
 _WRITE_AGAIN = "write it again with this version of deeplight"
 FRAME = "camera: +X right, +Y up, +Z towards the camera; the camera looks along -Z"
 UNIT = "linear radiance; 1.0 is the camera's white, where a pixel of the photo just saturates"
+COLOUR_SPACE = "linear, primaries of Rec. 709 and sRGB, white D65 (lin_rec709)"
 MAX_SIZE = 2048  # pixels across the ball
 VIEW_U = "deeplight:viewU"
 """Header entry of an EXR: the column of the view direction, 0 (left) to 1 (right)."""
@@ -234,6 +235,7 @@ def _record(
         "format_version": FORMAT_VERSION,
         "frame": FRAME,
         "unit": UNIT,
+        "colour_space": COLOUR_SPACE,
         "environment": {
             "files": environments,
             "mapping": "equirectangular, top row up (+Y), seen from inside",

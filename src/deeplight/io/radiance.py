@@ -15,6 +15,7 @@ from deeplight.io.colour import (
     ACES_AP0,
     ACES_AP1,
     ADOBE_RGB,
+    BT709,
     BT2020,
     CIE_XYZ,
     CIE_XYZ_D65,
@@ -196,7 +197,7 @@ def write_exr(
     metadata: Mapping[str, str | int | float] = NO_METADATA,
     channels: Mapping[str, Float32[np.ndarray, "height width"]] | None = None,
 ) -> None:
-    """Write 32-bit float RGB, zip-compressed, whole or not at all.
+    """Write 32-bit float RGB, zip-compressed, whole or not at all; its primaries are Rec. 709's.
 
     Float rather than half: half ends at 65504, and the sun does not.
 
@@ -211,7 +212,7 @@ def write_exr(
     header = {"compression": "zip", **metadata}
     more = channels or {}
     values = np.dstack([radiance, *more.values()]) if more else radiance
-    _write(Path(path), values, header, ("R", "G", "B", *more))
+    _write(Path(path), values, header, ("R", "G", "B", *more), BT709)
 
 
 def write_hdr(path: Path | str, radiance: Float32[np.ndarray, "height width 3"]) -> None:
@@ -231,10 +232,13 @@ def _write(
     radiance: Float32[np.ndarray, "height width channels"],
     header: Mapping[str, str | int | float],
     names: tuple[str, ...] = ("R", "G", "B"),
+    chromaticities: tuple[float, ...] | None = None,
 ) -> None:
     height, width, count = radiance.shape
     spec = oiio.ImageSpec(width, height, count, oiio.FLOAT)
     spec.channelnames = names
     for name, value in header.items():
         spec.attribute(name, value)
+    if chromaticities is not None:
+        spec.attribute("chromaticities", "float[8]", chromaticities)
     write_image(path, spec, np.asarray(radiance, np.float32))

@@ -157,6 +157,7 @@ export const LIGHTING_FILE = {
   "format_version": 1,
   "frame": "camera: +X right, +Y up, +Z towards the camera; the camera looks along -Z",
   "unit": "linear radiance; 1.0 is the camera's white, where a pixel of the photo just saturates",
+  "colour_space": "linear, primaries of Rec. 709 and sRGB, white D65 (lin_rec709)",
   "environment": {
     "files": [],
     "mapping": "equirectangular, top row up (+Y), seen from inside",
