@@ -20,6 +20,7 @@ from deeplight.frames import Rotation
 from deeplight.fuse.poses import angle_between
 from deeplight.fuse.track import Features, features_of, matched
 
+_FEATURES = 700  # of each frame: a rotation of two pictures needs fewer than many pictures' do
 _NEW_VIEW_RAD = np.radians(8)  # from the one before it; nearer ones would only add drift
 _BACK = 0.1  # of the shorter side: so far inside the picture a place is followed again
 _CONTRADICTS_RAD = np.radians(6)  # less is said by a field of view or pitch that is assumed wrongly
@@ -98,7 +99,7 @@ class CameraTurn:
 
     def _features(self, luma: UInt8[np.ndarray, "height width"]) -> Features:
         grey = np.broadcast_to(luma[..., None], (*luma.shape, 3))
-        return features_of(grey, self._first.camera.tangents[1])
+        return features_of(grey, self._first.camera.tangents[1], _FEATURES)
 
     def _found(self, features: Features) -> tuple[Viewpoint, bool] | None:
         """The camera of these features, and whether the first frame says it, so without drift."""

@@ -107,8 +107,16 @@ def _settled(before: dict[int, Rotation], after: dict[int, Rotation]) -> bool:
     )
 
 
-def features_of(picture: UInt8[np.ndarray, "height width 3"], half_height: float) -> Features:
-    """What may be found again in another picture; `half_height`: of the picture on that plane."""
+def features_of(
+    picture: UInt8[np.ndarray, "height width 3"], half_height: float, most: int = FEATURES
+) -> Features:
+    """What may be found again in another picture.
+
+    Args:
+        picture: upright.
+        half_height: of the picture on the plane at distance 1.
+        most: features, the clearest ones.
+    """
     scale = min(1.0, WORKING_SIDE / max(picture.shape[:2]))
     grey = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY)
     if scale < 1:
@@ -116,7 +124,7 @@ def features_of(picture: UInt8[np.ndarray, "height width 3"], half_height: float
     bright = max(float(np.quantile(grey, 0.95)), _DARKEST)
     if bright < _BRIGHT:  # of a burst's dark exposures: SIFT looks for contrast in levels
         grey = cv2.convertScaleAbs(grey, alpha=_BRIGHT / bright)
-    points, words = cv2.SIFT.create(FEATURES, contrastThreshold=_CONTRAST).detectAndCompute(
+    points, words = cv2.SIFT.create(most, contrastThreshold=_CONTRAST).detectAndCompute(
         grey, None
     )
     if words is None or len(words) < 2:
