@@ -113,6 +113,18 @@ def test_its_place_alone_is_not_found_again() -> None:
     assert np.nanmax(misses(np.stack(places))[-2:]) > 40
 
 
+def test_what_blurred_frames_were_off_by_is_gone_where_it_began() -> None:
+    swing = np.radians([0, 12, 0, -12, 0])
+    parts = np.radians(np.linspace(-3, 3, 9))
+    follower = Follower(seen(TRUE).astype(np.float32), *AT)
+    for yaw in swing:
+        views = [seen(replace(TRUE, yaw_rad=yaw + part)) for part in parts]
+        follower.update(np.mean(views, axis=0))
+    found = follower.update(seen(TRUE).astype(np.float32))
+    assert found is not None
+    assert np.hypot(*np.subtract(found, AT)) < 0.5
+
+
 def test_the_camera_does_not_drift_over_a_full_turn() -> None:
     camera = CameraTurn(TRUE, TRUE.point(*AT))
     for frame, view in zip(pictures(), views(), strict=True):

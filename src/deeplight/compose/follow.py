@@ -28,24 +28,44 @@ class Follower:
         self._key = self._small(luma)
         self._side = max(16, int(_WINDOW * min(self._key.shape)) // 2 * 2)
         self._at_key = self._at = np.array([x, y]) / self._step
+        self._begun = self._key, self._at_key
 
     def update(self, luma: Float[np.ndarray, "height width"]) -> tuple[float, float] | None:
         """Where the place is in the next frame: (x, y) in pixels.
 
         None where it is not seen: after a cut, or behind a hand.
         """
-        small, at = self._small(luma), self._at
-        key = self._patch(self._key, self._at_key)
-        for _ in range(2):  # once more from where it was found, for the rest
-            moved = _shift(key, self._patch(small, at))
-            at = self._at_key + np.round(at) - np.round(self._at_key) + moved
-        if not _alike(key, self._patch(small, at)):
+        small = self._small(luma)
+        at = self._found(small, self._at, self._key, self._at_key)
+        if at is None:
             return None
+        if self._key is not self._begun[0] and self._is_near(at, self._begun[1]):
+            # Back where it began: what patches taken on the way, blurred ones above all, were off
+            # by is gone.
+            again = self._found(small, at, *self._begun)
+            if again is not None and self._is_near(again, self._begun[1]):
+                at, (self._key, self._at_key) = again, self._begun
         self._at = at
-        if np.abs(at - self._at_key).max() > _REKEY * self._side:
+        if not self._is_near(at, self._at_key):
             self._key, self._at_key = small, at
         x, y = at * self._step
         return float(x), float(y)
+
+    def _found(
+        self,
+        small: Float[np.ndarray, "rows columns"],
+        at: Float[np.ndarray, "2"],
+        key: Float[np.ndarray, "rows columns"],
+        at_key: Float[np.ndarray, "2"],
+    ) -> Float[np.ndarray, "2"] | None:
+        """Where a frame shows a place of another one, looked for around `at`."""
+        patch = self._patch(key, at_key)
+        for _ in range(2):  # once more from where it was found, for the rest
+            at = at_key + np.round(at) - np.round(at_key) + _shift(patch, self._patch(small, at))
+        return at if _alike(patch, self._patch(small, at)) else None
+
+    def _is_near(self, one: Float[np.ndarray, "2"], other: Float[np.ndarray, "2"]) -> bool:
+        return bool(np.abs(one - other).max() <= _REKEY * self._side)
 
     def _small(self, luma: Float[np.ndarray, "height width"]) -> Float[np.ndarray, "rows columns"]:
         n = self._step

@@ -124,9 +124,7 @@ def features_of(
     bright = max(float(np.quantile(grey, 0.95)), _DARKEST)
     if bright < _BRIGHT:  # of a burst's dark exposures: SIFT looks for contrast in levels
         grey = cv2.convertScaleAbs(grey, alpha=_BRIGHT / bright)
-    points, words = cv2.SIFT.create(most, contrastThreshold=_CONTRAST).detectAndCompute(
-        grey, None
-    )
+    points, words = cv2.SIFT.create(most, contrastThreshold=_CONTRAST).detectAndCompute(grey, None)
     if words is None or len(words) < 2:
         return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
     at = np.array([point.pt for point in points])
