@@ -11,7 +11,7 @@ from PIL import Image
 
 import motion_tracks
 from deeplight.cli.main import main
-from deeplight.estimators.preview import SPHERE, WIDTH
+from deeplight.estimators.preview import ACCENT, SPHERE, WIDTH
 from deeplight.fuse import clip as clip_module
 from deeplight.fuse import fuse as fuse_module
 from deeplight.fuse.session import Session
@@ -68,11 +68,16 @@ def test_a_clip_with_poses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     record = json.loads((out / "clip.json").read_text())
     assert len(record["fused"]["frames"]) == 12
     loaded = Session.load(session, lambda _: np.zeros((32, 32, 3), np.float32))
+    light = loaded.environment(height=HEIGHT)
     np.testing.assert_allclose(
-        loaded.environment(height=HEIGHT).radiance,
-        read_environment(out / "clip.json").radiance,
-        rtol=1e-3,
+        light.radiance, read_environment(out / "clip.json").radiance, rtol=1e-3
     )
+    listed = [lamp["direction"] for lamp in record["lamps"]["lamps"]]
+    np.testing.assert_allclose(listed, [lamp.direction for lamp in light.lamps], atol=1e-3)
+    main = record["dominant_light"]["primary_light_direction"]
+    np.testing.assert_allclose(main, listed[0], atol=1e-6)
+    ringed = (read_photo(out / "clip.preview.png").pixels == ACCENT).all(-1)
+    assert ringed.any()
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ from deeplight.estimators.preview import (
     ACCENT,
     LIGHT_SIZE,
     _free,
-    _mark_lamps,
     _overlap,
     _turned,
+    mark_lamps,
 )
 from deeplight.frames import normalised
 from deeplight.io.tilt import Tilt
@@ -27,7 +27,7 @@ def test_labels_of_near_lamps_do_not_overlap_and_stay_in_the_picture(y):
     for step in range(4):
         box = draw.textbbox((500 + 3 * step, y + step), "light, 30 x white", anchor="lm")
         assert not taken or any(_overlap(box, other) for other in taken)
-        taken.append(_free(box, taken, 64))
+        taken.append(_free(box, taken, 64, 64 + LIGHT_SIZE[1]))
     assert not any(_overlap(a, b) for a, b in itertools.combinations(taken, 2))
     assert all(box[1] >= 64 and box[3] <= 64 + LIGHT_SIZE[1] for box in taken[1:])
 
@@ -37,7 +37,7 @@ def test_no_label_covers_a_ring():
     near = ([0.34, 0.57, 0.75], [0.12, 0.58, 0.8], [-0.18, 0.58, 0.79])
     lamps = [Lamp(normalised(np.array(d)), np.full(3, 2.0), 0.06) for d in near]
     picture = Image.new("RGB", (LIGHT_SIZE[0], LIGHT_SIZE[1] + 100))
-    _mark_lamps(ImageDraw.Draw(picture), [(x.direction, x) for x in lamps], (0, 50), False)
+    mark_lamps(ImageDraw.Draw(picture), [(x.direction, x) for x in lamps], (0, 50, *LIGHT_SIZE))
     shown = (np.asarray(picture) == ACCENT).all(-1)
     y, x = np.nonzero(shown)
     for lamp in lamps:
@@ -47,7 +47,7 @@ def test_no_label_covers_a_ring():
 
 
 def test_a_label_alone_stays_where_it_is():
-    assert _free((10, 80, 90, 96), [(200, 80, 290, 96)], 64) == (10, 80, 90, 96)
+    assert _free((10, 80, 90, 96), [(200, 80, 290, 96)], 64, 400) == (10, 80, 90, 96)
 
 
 @pytest.mark.parametrize("rows", [64, 1024])

@@ -71,7 +71,7 @@ def preview(
     shown = _turned(environment.radiance, turn) if tilt else environment.radiance
     canvas.paste(_tone_mapped(shown, 0.0, LIGHT_SIZE), (left, 64))
     places = [(turn @ lamp.direction, lamp) for lamp in environment.lamps]
-    _mark_lamps(draw, places, (left, 64), direction_known)
+    mark_lamps(draw, places, (left, 64, *LIGHT_SIZE), direction_known)
     below = 64 + LIGHT_SIZE[1] + 40
     canvas.paste(_tone_mapped(shown, DARK_STOPS, DIM_SIZE), (left, below))
     draw.text((left, below + DIM_SIZE[1] + 8), f"{-DARK_STOPS:.0f} stops darker", FAINT, _font(16))
@@ -194,14 +194,21 @@ def _tone_mapped(
     return Image.fromarray(levels).resize(size, Image.Resampling.BICUBIC)
 
 
-def _mark_lamps(
+def mark_lamps(
     draw: ImageDraw.ImageDraw,
     lamps: Sequence[tuple[Float[np.ndarray, "3"], Lamp]],
-    at: tuple[int, int],
-    known: bool,
+    where: tuple[int, int, int, int],
+    known: bool = True,
 ) -> None:
-    """Ring each lamp, in a direction of the panorama, and say how bright it is."""
-    width, height = LIGHT_SIZE
+    """Ring each lamp, in a direction of the panorama, and say how bright it is.
+
+    Args:
+        draw: what the panorama is on.
+        lamps: each with its direction in the panorama, the main light first.
+        where: left, top, width and height of the panorama.
+        known: whether the main light's direction is.
+    """
+    at, (width, height) = where[:2], where[2:]
     rings: list[Box] = []
     for direction, lamp in lamps:
         (row,), (column,) = position(direction[None], height, width)
@@ -218,21 +225,21 @@ def _mark_lamps(
         to_left = x0 + x1 > 2 * at[0] + width
         across, anchor = (x0 - 14, "rm") if to_left else (x1 + 14, "lm")
         box = draw.textbbox((across, (y0 + y1) / 2), label, _font(16), anchor)
-        taken.append(_free(box, taken, at[1]))
+        taken.append(_free(box, taken, at[1], at[1] + height))
         left, upper, right, lower = taken[-1]
         around = (left - 6, upper - 4, right + 6, lower + 4)
         draw.rounded_rectangle(around, 5, fill=PAPER)  # a white sky would swallow bare letters
         draw.text((across, (upper + lower) / 2), label, INK, _font(16), anchor=anchor)
 
 
-def _free(box: Box, taken: Sequence[Box], top: float) -> Box:
+def _free(box: Box, taken: Sequence[Box], top: float, bottom: float) -> Box:
     """The box, moved up or down by the least that takes it off the others and into the picture."""
     left, upper, right, lower = box
     height = lower - upper + LABEL_GAP
     steps = sorted(range(-4 * len(taken), 4 * len(taken) + 1), key=abs)
     for step in steps:
         moved = (left, upper + step * height / 2, right, lower + step * height / 2)
-        inside = moved[1] >= top and moved[3] <= top + LIGHT_SIZE[1]
+        inside = moved[1] >= top and moved[3] <= bottom
         if inside and not any(_overlap(moved, other) for other in taken):
             return moved
     return box

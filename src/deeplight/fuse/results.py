@@ -13,7 +13,16 @@ from PIL import Image, ImageDraw, ImageFont
 from deeplight.camera_response import CameraResponse
 from deeplight.environment import Environment
 from deeplight.estimators.network import NetworkEstimator
-from deeplight.estimators.preview import FAINT, INK, MARGIN, PAPER, SPHERE, WIDTH, draw_spheres
+from deeplight.estimators.preview import (
+    FAINT,
+    INK,
+    MARGIN,
+    PAPER,
+    SPHERE,
+    WIDTH,
+    draw_spheres,
+    mark_lamps,
+)
 from deeplight.fuse.fuse import Fused
 from deeplight.io.atomic import staging
 from deeplight.io.lighting_file import Turn, lamps_record, save_lighting, seen_record
@@ -118,6 +127,8 @@ def preview(fused: Fused, title: str) -> UInt8[np.ndarray, "height width 3"]:
     caption = f"{seen_share(environment):.0%} seen; the rest, darker, is estimated"
     draw.text((WIDTH - MARGIN, MARGIN + 4), caption, FAINT, small, anchor="ra")
     canvas.paste(picture, (MARGIN, top))
+    lamps = [(lamp.direction, lamp) for lamp in environment.lamps]
+    mark_lamps(draw, lamps, (MARGIN, top, width, width // 2))
     spheres = WIDTH - MARGIN - 3 * (SPHERE + 24)
     draw_spheres(canvas, environment, spheres, below)
     _thumbnails(canvas, fused, below, spheres - MARGIN, small)
