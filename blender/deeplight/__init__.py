@@ -41,7 +41,8 @@ class LightFromPhoto(bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default="*" + ";*".join(PHOTOS), options={"HIDDEN"})
     pitch: FloatProperty(
         name="Camera's pitch",
-        description="How far the photo's camera looked up; negative is down",
+        description="How far the photo's camera looked up; negative is down. "
+        "Until you set it: as the photo says",
         default=scene.ASSUMED_PITCH_RAD,
         soft_min=-1.4,
         soft_max=1.4,
@@ -64,6 +65,8 @@ class LightFromPhoto(bpy.types.Operator, ImportHelper):
         try:
             photo = Path(bpy.path.abspath(self.filepath))
             light = program.estimated(photo, command_of(context), window.progress_update)
+            if light.pitch_rad is not None and not self.properties.is_property_set("pitch"):
+                self.pitch = light.pitch_rad
             built = scene.lit(context.scene, light, self.pitch)
             if self.with_camera:
                 scene.add_camera(context.scene, light, built, self.pitch, self.height)

@@ -9,8 +9,10 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-INSTALL = "install it with `pip install deeplight`, or set its path in the add-on's preferences"
+INSTALL = "install it (its README says how), or set its path in the add-on's preferences"
 LONGEST_S = 300
+UNSURE_DEG = 12
+"""A guessed pitch that may be farther off is not taken."""
 
 
 class ProgramError(Exception):
@@ -39,6 +41,8 @@ class PhotoLight:
     environment: Path
     """Latlong .exr turned for Blender, without the lamps."""
     lamps: tuple[Lamp, ...]
+    pitch_rad: float | None = None
+    """How far the photo's camera looked up, by its file or as guessed from the picture."""
 
 
 def estimated(photo, command="", progress=lambda step: None):
@@ -75,7 +79,16 @@ def read(photo, record, apart):
             Lamp(tuple(lamp["direction"]), tuple(lamp["irradiance"]), lamp["angular_radius_rad"])
             for lamp in lamps["lamps"]
         ),
+        pitch_rad=pitch_of(record),
     )
+
+
+def pitch_of(record):
+    """None where the file says nothing, or a guess is as good as none."""
+    tilt = record.get("camera_tilt")
+    if tilt is None or tilt["scale_deg"] > UNSURE_DEG:
+        return None
+    return math.radians(tilt["pitch_deg"])
 
 
 def run(program, *arguments):

@@ -48,6 +48,27 @@ def test_the_archive_is_an_extension_with_this_package_s_version(archive: Path, 
     assert all(len(line) <= 64 for line in (manifest["tagline"], *manifest["permissions"].values()))
 
 
+@pytest.mark.parametrize(
+    ("tilt", "pitch_deg"),
+    [
+        ({"pitch_deg": -32.0, "scale_deg": 0.0}, -32.0),
+        ({"pitch_deg": -9.0, "scale_deg": 8.0}, -9.0),
+        ({"pitch_deg": -9.0, "scale_deg": 40.0}, None),
+        (None, None),
+    ],
+)
+def test_the_camera_is_pitched_as_the_photo_says(
+    root: Path, tilt: dict[str, float] | None, pitch_deg: float | None
+) -> None:
+    if not (root / "blender").exists():
+        pytest.skip("no blender folder in this distribution")
+    program = loaded(root / "blender/deeplight/program.py")
+    record = {} if tilt is None else {"camera_tilt": tilt}
+    found = program.pitch_of(record)
+    assert (found is None) == (pitch_deg is None)
+    assert found is None or math.degrees(found) == pytest.approx(pitch_deg)
+
+
 @pytest.fixture(scope="module")
 def made(
     archive: Path, root: Path, tmp_path_factory: pytest.TempPathFactory
@@ -108,6 +129,9 @@ class TestInBlender:
         )
         np.testing.assert_allclose(facts["view"], [0, math.cos(PITCH), math.sin(PITCH)], atol=1e-5)
         assert facts["background"] == facts["catchers"] == 1
+        assert math.degrees(facts["own_pitch"]) == pytest.approx(
+            record["camera_tilt"]["pitch_deg"], abs=0.01
+        )
 
     def test_a_grey_ball_is_lit_as_in_mitsuba(self, made) -> None:
         pytest.importorskip("mitsuba")

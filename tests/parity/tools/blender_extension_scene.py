@@ -84,6 +84,8 @@ def main(archive, command, photo, out):
     out = Path(out)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     addon = installed(archive, out, command)
+    bpy.ops.deeplight.light_from_photo(filepath=photo)
+    own_pitch = bpy.context.scene.camera.rotation_euler.x - pi / 2
     result = bpy.ops.deeplight.light_from_photo(filepath=photo, pitch=PITCH)
     scene = bpy.context.scene
     camera = scene.camera
@@ -100,6 +102,7 @@ def main(archive, command, photo, out):
             if thing.type == "LIGHT"
         ],
         "view": list(camera.matrix_world.to_quaternion() @ Vector((0, 0, -1))),
+        "own_pitch": own_pitch,
         "angle_y": camera.data.angle_y,
         "size": [scene.render.resolution_x, scene.render.resolution_y],
         "background": len(camera.data.background_images),
