@@ -93,6 +93,7 @@ def broken_gpmf() -> bytes:
     ("entry", "samples", "word"),
     [
         (b"camm", [motion_tracks.camm(np.eye(3)), b"\0\0\0\0\1"], "packet of 5 bytes"),
+        (b"camm", [b"\0\0\0\0\1", *[motion_tracks.camm(np.eye(3))] * 2], "packet of 5 bytes"),
         (b"camm", [b"\0\0\0\0" + b"\xff" * 12], "no number"),
         (b"gpmd", [broken_gpmf()], "longer than"),
         (b"gpmd", [broken_gpmf().replace(b"CORIs\x08\x00\x09", b"CORIZ\x08\x00\x02")], "type 'Z'"),

@@ -66,7 +66,7 @@ def camera_motion_of(path: Path) -> CameraMotion | None:
         try:
             if packets and packets[0].content.startswith(b"DEVC"):
                 found = _of_gpmf(packets)
-            elif packets and _camm_type(packets[0].content) is not None:
+            elif _is_camm(packets):
                 found = _of_camm(packets)
             else:
                 continue
@@ -75,6 +75,12 @@ def camera_motion_of(path: Path) -> CameraMotion | None:
         if found is not None:
             return found
     return None
+
+
+def _is_camm(packets: Sequence[DataPacket]) -> bool:
+    """By half of the packets: the first may be cut off."""
+    ours = sum(_camm_type(packet.content) is not None for packet in packets)
+    return 0 < ours >= len(packets) / 2
 
 
 def _camm_type(content: bytes) -> int | None:
