@@ -22,8 +22,14 @@ export interface Taken extends CameraFacts {
   readonly file: string | null;
 }
 
-/** @throws RangeError where there are no pixels, DOMException where they cannot be read. */
+/** @throws RangeError where there are no pixels, DOMException where they cannot be read, TypeError for an address. */
 export async function taken(source: PhotoSource): Promise<Taken> {
+  if (typeof source !== "object" || source === null) {
+    const got = typeof source === "string" ? "a string" : String(source);
+    throw new TypeError(
+      `expected a File, image, video or canvas, got ${got}: fetch an address first`,
+    );
+  }
   if (source instanceof Blob) return fromFile(source);
   if (isA(source, "HTMLVideoElement")) {
     const { videoWidth: width, videoHeight: height } = source;
