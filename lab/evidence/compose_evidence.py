@@ -23,7 +23,7 @@ horizon, in degrees, and its share of the power.
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,7 +37,7 @@ from deeplight.compose.look import blurred
 from deeplight.dataset import Example, open_dataset
 from deeplight.dataset.reading import SplitIndex
 from deeplight.environment import Environment
-from deeplight.estimators.environment import assemble
+from deeplight.estimators.environment import SceneLight, assemble
 from deeplight.estimators.network import NetworkEstimator
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.projection import ImagePlane
@@ -149,14 +149,21 @@ def lit(example: Example, estimators: Sequence[Estimator]) -> Case:
 
 def as_users_get_it(model: NetworkEstimator, background: np.ndarray) -> Environment:
     """The network's light with the photo in it and its lamps as wide as it knows their place."""
+    scene, heads = scene_of(model, background)
+    glow = glow_rad(heads)
+    return (scene if glow is None else scene.softened(glow)).environment
+
+
+def scene_of(
+    model: NetworkEstimator, background: np.ndarray
+) -> tuple[SceneLight, Mapping[str, float]]:
+    """The network's light with the photo in it, and what it says of itself."""
     log_radiance, (lamps,), (heads,) = model.estimate_fully(normalise(background[None]))
     whole = model.contract
     plane = ImagePlane(-whole.right, whole.right, whole.bottom, whole.top)
     light = Lighting.from_log_radiance(log_radiance[0])
     tilt = guessed_tilt(heads)
-    scene = assemble(light, background, plane, LATLONG_HEIGHT, lamps, tilt=tilt)
-    glow = glow_rad(heads)
-    return (scene if glow is None else scene.softened(glow)).environment
+    return assemble(light, background, plane, LATLONG_HEIGHT, lamps, tilt=tilt), heads
 
 
 def measured(case: Case, scale: int, kept: Path) -> tuple[list[Row], list[np.ndarray]]:
