@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 
+import cv2
 import numpy as np
 
 import made_up_pans
@@ -74,6 +75,23 @@ def test_pictures_of_several_fields_of_view_are_placed_together() -> None:
     assert errors(found, pan()).max() < 0.5
     alike = track(pictures, [FOV] * 5, fov_known=True)
     assert len(alike.rotations) < 5
+
+
+def zoomed(picture: np.ndarray, factor: float) -> np.ndarray:
+    """Its middle, as large as all of it was."""
+    rows, columns, _ = picture.shape
+    high, wide = round(rows / factor), round(columns / factor)
+    top, left = (rows - high) // 2, (columns - wide) // 2
+    return np.asarray(cv2.resize(picture[top : top + high, left : left + wide], (columns, rows)))
+
+
+def test_a_zoom_on_the_way_is_found() -> None:
+    frames = [frame.pixels for frame in pan().frames]
+    assert tracked(frames[:6]).zoom == 1
+    slowly = [zoomed(one, 1 + 0.02 * k) for k, one in enumerate(frames)]
+    assert abs(tracked(slowly).zoom - 1.26) < 0.05
+    at_once = [zoomed(one, 1.15 if k > 3 else 1) for k, one in enumerate(frames[:8])]
+    assert abs(tracked(at_once).zoom - 1.15) < 0.03
 
 
 def test_stretched_pictures_miss_each_other() -> None:

@@ -203,7 +203,10 @@ def _placed(
         do = "turn slower so that neighbours overlap by a third, or give --poses"
         raise ImageFileError("pictures that overlap", got, do)
     notes = []
-    if found.residual_rad > _MISSES_RAD:
+    if found.zoom != 1:
+        by = f"by {found.zoom:.2f}"
+        notes.append(f"the camera zoomed {by} or walked on: the light is bent, do not zoom")
+    elif found.residual_rad > _MISSES_RAD:
         off = f"{degrees(found.residual_rad):.1f} degrees"
         notes.append(
             f"no turning fits the pictures, off by {off}: wrong --fov, zoomed, stretched, walked?"
@@ -222,7 +225,7 @@ def _tracked(
     if held is not None:
         places = (int(place) for place in held["places"])
         turns = dict(zip(places, held["rotations"], strict=True))
-        return Tracked(turns, float(held["scale"]), float(held["residual"]))
+        return Tracked(turns, *(float(held[name]) for name in ("scale", "residual", "zoom")))
     found = track([frame.pixels for frame in frames], fovs, known)
     if kept is not None and found.rotations:
         kept.keep(
@@ -231,6 +234,7 @@ def _tracked(
             rotations=np.stack(list(found.rotations.values())),
             scale=np.array(found.scale),
             residual=np.array(found.residual_rad),
+            zoom=np.array(found.zoom),
         )
     return found
 

@@ -17,6 +17,7 @@ from jaxtyping import Float, UInt8
 from deeplight.frames import Rotation, normalised
 from deeplight.fuse.adjust import Free, Pair, adjusted, rays_of
 from deeplight.fuse.poses import angle_between, nearest_rotation
+from deeplight.fuse.zoom import zoom_of
 
 WORKING_SIDE = 480
 """Pixels of the longer side of the pictures that features are looked for in."""
@@ -48,11 +49,13 @@ class Tracked:
         scale: what tangents of half the fields of view are to be multiplied by, to fit best; 1 if
             they were known.
         residual_rad: median angle by which matches miss each other if the camera only turned.
+        zoom: factor by which the camera zoomed meanwhile; 1 if it need not have.
     """
 
     rotations: dict[int, Rotation]
     scale: float
     residual_rad: float
+    zoom: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +100,7 @@ def track(
         if _settled(before, rotations):
             break
     rotations, scale, residual = _solved(pairs, count, fov_known, strays=True)
-    return Tracked(rotations, scale, residual)
+    return Tracked(rotations, scale, residual, zoom_of(pairs, rotations))
 
 
 def _settled(before: dict[int, Rotation], after: dict[int, Rotation]) -> bool:
