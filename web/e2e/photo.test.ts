@@ -232,7 +232,7 @@ describe("with one photo", () => {
       await page.click('[data-tray="material"]');
       await page.getByText(material, { exact: true }).click();
       const picture = await pixels(page, await saved(page, "#save-picture"));
-      seen.push(String(picture.at(0.53, 0.64)));
+      seen.push(`${picture.at(0.53, 0.64)} ${picture.at(0.5, 0.62)}`); // one pixel may coincide
     }
     expect(new Set(seen).size).toBe(4);
   });
