@@ -83,7 +83,9 @@ def test_a_run_prints_at_the_end_which_step_was_best(tmp_path, capsys):
     assert capsys.readouterr().out.startswith(f"{tmp_path}: best at step 7; look at ")
 
 
-def test_a_log_says_what_goes_on_before_the_first_loss(capsys):
+def test_a_log_says_what_goes_on_before_the_first_loss(capsys, monkeypatch):
+    begun = iter([0.0])  # all that follows is long after it
+    monkeypatch.setattr("deeplight.cli.screen.time.monotonic", lambda: next(begun, 1000.0))
     with TrainProgress() as progress:
         progress.show(Progress(0, 0, float("nan"), 0.0))
         progress.show(Progress(40, 900, float("nan"), 0.0))

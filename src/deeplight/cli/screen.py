@@ -100,6 +100,7 @@ class ProgressBar:
     def say(self, line: str) -> None:
         """Print what begins now, where no bar shows it."""
         if self._lines:
+            self._next_line = time.monotonic() + SECONDS_BETWEEN_LINES
             self.console.print(line, markup=False)
 
     def _line(self) -> None:
