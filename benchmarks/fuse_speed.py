@@ -41,9 +41,9 @@ QUALITY = 18  # about the bit rate of a phone
 MAP_STEP = 8  # where a pixel looks is worked out for every eighth, and interpolated
 HEIGHTS = (64, 256, 512)
 Result = TypeVar("Result")
-_PEAK = (
-    "import resource, sys; from deeplight.cli.main import main; main(sys.argv[1:]);"
-    "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+_PEAK = (  # not getrusage: its peak is at least that of the process which started this one
+    "import sys; from deeplight.cli.main import main; main(sys.argv[1:]);"
+    "print(next(line.split()[1] for line in open('/proc/self/status') if 'VmHWM' in line))"
 )
 
 
