@@ -47,6 +47,14 @@ def test_the_place_is_followed_as_the_camera_turns(frames: int) -> None:
     assert max(errors) < 4
 
 
+def test_on_a_bare_floor_the_place_does_not_follow_the_noise() -> None:
+    rng = np.random.default_rng(0)
+    bare = 120 + rng.normal(0, 3, (8, 240, 160)).astype(np.float32)
+    follower = Follower(bare[0], 80, 170)
+    assert all(follower.update(frame) == (80, 170) for frame in bare[1:])
+    assert follower.update(seen(panorama(), VIEW)) is None
+
+
 @pytest.mark.parametrize(("x", "y"), [(80, 170), (60, 150), (110, 200)])
 def test_the_turned_camera_sees_the_point_where_it_should(x: float, y: float) -> None:
     point = VIEW.point(80, 170)

@@ -33,7 +33,8 @@ class Follower:
     def update(self, luma: Float[np.ndarray, "height width"]) -> tuple[float, float] | None:
         """Where the place is in the next frame: (x, y) in pixels.
 
-        None where it is not seen: after a cut, or behind a hand.
+        None where it is not seen: after a cut, or behind a hand. Where all is alike there is
+        nothing to follow, and it stays where it was.
         """
         small = self._small(luma)
         at = self._found(small, self._at, self._key, self._at_key)
@@ -59,10 +60,13 @@ class Follower:
         at_key: Float[np.ndarray, "2"],
     ) -> Float[np.ndarray, "2"] | None:
         """Where a frame shows a place of another one, looked for around `at`."""
-        patch = self._patch(key, at_key)
+        patch, before = self._patch(key, at_key), at
         for _ in range(2):  # once more from where it was found, for the rest
             at = at_key + np.round(at) - np.round(at_key) + _shift(patch, self._patch(small, at))
-        return at if _alike(patch, self._patch(small, at)) else None
+        found = self._patch(small, at)
+        if _alike(patch, found):
+            return at
+        return before if _is_plain(patch) and _is_plain(found) else None
 
     def _is_near(self, one: Float[np.ndarray, "2"], other: Float[np.ndarray, "2"]) -> bool:
         return bool(np.abs(one - other).max() <= _REKEY * self._side)
@@ -107,14 +111,22 @@ def _window(side: int) -> Float[np.ndarray, "side side"]:
     return line[:, None] * line
 
 
+def _varied(patch: Float[np.ndarray, "side side"]) -> Float[np.ndarray, "side side"]:
+    """What differs from its mean, weighted so that its squares sum up to its variance."""
+    weight = _window(len(patch)) / _window(len(patch)).sum()
+    result: np.ndarray = (patch - (weight * patch).sum()) * np.sqrt(weight)
+    return result
+
+
+def _is_plain(patch: Float[np.ndarray, "side side"]) -> bool:
+    return bool((_varied(patch) ** 2).sum() < _PLAIN**2)
+
+
 def _alike(key: Float[np.ndarray, "side side"], other: Float[np.ndarray, "side side"]) -> bool:
     """Whether two patches show the same, however bright."""
-    weight = _window(len(key)) / _window(len(key)).sum()
-    first, second = (patch - (weight * patch).sum() for patch in (key, other))
-    variances = (weight * first**2).sum(), (weight * second**2).sum()
-    together = (weight * first * second).sum()
-    plain = max(variances) < _PLAIN**2
-    return bool(plain or together > _ALIKE * np.sqrt(variances[0] * variances[1]))
+    first, second = _varied(key), _varied(other)
+    scale = np.sqrt((first**2).sum() * (second**2).sum())
+    return bool((first * second).sum() > _ALIKE * scale)
 
 
 def _shift(
