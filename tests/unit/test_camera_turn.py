@@ -143,6 +143,20 @@ def test_frames_that_show_nothing_are_named_and_the_place_is_found_after_them() 
     assert np.nanmax(misses(places)) < 3
 
 
+def test_frames_in_which_something_hides_the_place_are_named() -> None:
+    yaws = [0.02 * k for k in range(9)]
+    frames = [seen(replace(TRUE, yaw_rad=yaw)) for yaw in yaws]
+    rng = np.random.default_rng(2)
+    for frame in frames[4:6]:
+        frame[120:, :] = rng.integers(0, 255, (120, 180))
+    camera = CameraTurn(TRUE, TRUE.point(*AT))
+    turns = [camera.update(frame).yaw_rad for frame in frames]
+    assert not camera.lost
+    assert 4 in camera.unfollowed
+    assert set(camera.unfollowed) <= {4, 5, 6}
+    np.testing.assert_allclose(turns, yaws, atol=0.02)
+
+
 def test_another_place_between_two_cuts_is_named_and_leaves_no_trace() -> None:
     here = [seen(replace(TRUE, yaw_rad=0.02 * k)) for k in range(4)]
     elsewhere = [seen(replace(TRUE, yaw_rad=np.pi + 0.02 * k)) for k in range(3)]

@@ -33,11 +33,14 @@ class CameraTurn:
     Attributes:
         lost: numbers of frames, from 0, that match nothing, such as those of another place after a
             cut: the camera stays where it was.
+        unfollowed: of those where the object's place is in the picture, but was hidden or blurred:
+            it is then where all else that is seen says, which may be some pixels off.
     """
 
     def __init__(self, first: Viewpoint, anchor: Float[np.ndarray, "3"]) -> None:
         """Begin before the first frame; `anchor`: the object's place in the world."""
         self.lost: list[int] = []
+        self.unfollowed: list[int] = []
         self._first = self._now = first
         self._anchor = anchor
         self._frames = 0
@@ -59,11 +62,13 @@ class CameraTurn:
             if abs(followed.roll_rad - self._followed_roll) > _ROLLED_RAD:
                 self._follow(luma)
             return self._now
-        self._follower = None
+        was_followed, self._follower = self._follower is not None, None
         if found is None:
             self.lost.append(number)
             return self._now
         self._now, by_first = found
+        if was_followed and self._inside(*self._place(), _BACK):
+            self.unfollowed.append(number)
         if by_first and self._inside(*self._place(), _BACK):
             self._follow(luma)
         return self._now

@@ -83,9 +83,10 @@ def compose_video(
             writer.write(pixels[: size[1], : size[0]], time_s)
             progress(number, known.frames)
     kept.remove()
-    lost = named_ranges(camera.lost())
+    lost, hidden = named_ranges(camera.lost()), named_ranges(camera.unfollowed())
     notes = ["the video's sound is left out"] * known.sound
     notes += [f"match no other, left as they are: frames {lost}"] if lost else []
+    notes += [f"the object's place is hidden or blurred: frames {hidden}"] if hidden else []
     return (*film.notes, *notes)
 
 
@@ -267,6 +268,10 @@ class _Cameras:
     def lost(self) -> list[int]:
         """Numbers of the frames that match no other."""
         return self._turn.lost
+
+    def unfollowed(self) -> list[int]:
+        """Numbers of the frames in which the object's place is hidden or blurred."""
+        return self._turn.unfollowed
 
 
 class _Standing:
