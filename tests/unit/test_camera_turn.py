@@ -166,6 +166,20 @@ def test_another_place_between_two_cuts_is_named_and_leaves_no_trace() -> None:
     np.testing.assert_allclose(turns[7:], 0.02 * np.arange(4), atol=0.01)
 
 
+@pytest.mark.parametrize(("pitch_deg", "fov_deg"), [(-10, 66), (-16, 62)])
+def test_somebody_who_walks_through_does_not_take_the_object_along(
+    pitch_deg: float, fov_deg: float
+) -> None:
+    filmed = [replace(TRUE, yaw_rad=0.01 * k) for k in range(12)]
+    frames = [seen(view) for view in filmed]
+    for k, frame in enumerate(frames):
+        frame[60:, max(0, 15 * k - 20) : 15 * k + 25] = 30
+    places, lost = composed(believed(pitch_deg, fov_deg), frames)
+    assert not lost
+    true = np.stack([view.pixels(TRUE.point(*AT)[None])[0] for view in filmed])
+    assert np.linalg.norm(places - true, axis=1).max() < 3.5
+
+
 def test_the_camera_is_rolled_as_the_picture_is() -> None:
     camera = CameraTurn(TRUE, TRUE.point(*AT))
     for roll in np.radians([0, 6, 12, 18, 24, 18, 6, 0]):

@@ -7,6 +7,7 @@ rolls, and nothing is lost where they say nothing.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import groupby
 
@@ -24,6 +25,7 @@ _FEATURES = 700  # of each frame: a rotation of two pictures needs fewer than ma
 _NEW_VIEW_RAD = np.radians(8)  # from the one before it; nearer ones would only add drift
 _BACK = 0.1  # of the shorter side: so far inside the picture a place is followed again
 _CONTRADICTS_RAD = np.radians(6)  # less is said by a field of view or pitch that is assumed wrongly
+_JUMP_RAD, _JUMP = np.radians(1.5), 0.3  # between two frames, of what the camera turned meanwhile
 _ROLLED_RAD = np.radians(4)  # by so much turned in the picture, a place is followed anew
 
 
@@ -45,6 +47,7 @@ class CameraTurn:
         self._anchor = anchor
         self._frames = 0
         self._follower: Follower | None = None
+        self._apart: Rotation = np.eye(3)  # the followed camera from the one that features say
         self._followed_roll = 0.0  # of the camera that the follower last began with
         self._views: list[tuple[Features, Rotation]] = []  # the first frame, the last new view
 
@@ -63,6 +66,7 @@ class CameraTurn:
                 self._follow(luma)
             return self._now
         was_followed, self._follower = self._follower is not None, None
+        self._apart = np.eye(3)
         if found is None:
             self.lost.append(number)
             return self._now
@@ -78,6 +82,7 @@ class CameraTurn:
     ) -> Viewpoint | None:
         """The camera that sees the object's place where it is followed to, rolled as features say;
         None out of the picture, where it is not seen, and where features contradict."""
+        before = copy(self._follower)
         at = None if self._follower is None else self._follower.update(luma.astype(np.float32))
         if at is None or not self._inside(*at, 0):
             return None
@@ -86,8 +91,20 @@ class CameraTurn:
             now = turned_to(replace(self._now, roll_rad=roll_rad), self._anchor, *at)
         except ConfigError:  # nobody holds a camera so
             return None
-        turns = [view.world_from_camera for view in (now, *(found or ())[:1])]
-        return now if angle_between(turns[0], turns[-1]) < _CONTRADICTS_RAD else None
+        if found is None:
+            return now
+        found_turn = found[0].world_from_camera
+        apart = now.world_from_camera @ found_turn.T
+        moved = angle_between(self._now.world_from_camera, found_turn)
+        # What a field of view or pitch that is assumed wrongly puts between the two grows slowly;
+        # somebody who walks through the picture takes the place along at once.
+        farther = angle_between(apart, np.eye(3)) > angle_between(self._apart, np.eye(3))
+        if farther and angle_between(apart, self._apart) > max(_JUMP_RAD, _JUMP * moved):
+            self._follower = before
+            self.unfollowed.append(self._frames - 1)
+            return viewpoint_turned(self._first, self._apart @ found_turn)
+        self._apart = apart
+        return now if angle_between(apart, np.eye(3)) < _CONTRADICTS_RAD else None
 
     def _follow(self, luma: UInt8[np.ndarray, "height width"]) -> None:
         self._follower = Follower(luma.astype(np.float32), *self._place())
