@@ -1,6 +1,6 @@
 """Whether Gardner 2017 finds lights: where its answer is brightest, and where the room's light is.
 
-    python -m lab.evidence.light_masks HDRI RIVAL.safetensors ... [--views 8]
+    python -m lab.evidence.light_masks HDRI RIVAL.safetensors ... [--views 4]
 
 A room's lights are the texels of its 32 x 64 panorama that are brightest and hold half its power.
 As large a part of the sphere, where the answer is brightest, is what a rival takes for lights. Its
@@ -47,7 +47,7 @@ class Args:
     """Folder of HDR panoramas."""
     rivals: tyro.conf.Positional[tuple[Path, ...]]
     """Trained by `lab.evidence.table_2`."""
-    views: int = 8
+    views: int = 4
     """Of each panorama."""
 
 

@@ -72,8 +72,8 @@ class Args:
     """What the rivals' encoders start from: ImageNet's MobileNetV2 (.npz), or a network of ours."""
     published: bool = False
     """Each rival once more with its paper's own encoder, which starts from nothing."""
-    published_steps: int = 500
-    """Of those trainings."""
+    published_steps: tuple[int, int] = (260, 180)
+    """Of those trainings, indoors and outdoors."""
     published_width: float = 1.0
     """Channels of that, as a share of the paper's."""
     examples: int | None = None
@@ -95,7 +95,8 @@ def trained(scene: str, preset: str, args: Args) -> Rival:
         return load_rival(path)
     config, steps = PRESETS[preset], args.steps
     if config.encoder == "published":
-        config, steps = replace(config, width=args.published_width), args.published_steps
+        config = replace(config, width=args.published_width)
+        steps = args.published_steps[list(SCENES).index(scene)]
     views = replace(config.views, per_panorama=args.views or config.views.per_panorama)
     epoch = max(1, steps // FILTER_EPOCHS)
     config = replace(config, views=views, steps=steps, epoch_steps=epoch)
@@ -116,9 +117,9 @@ def trained(scene: str, preset: str, args: Args) -> Rival:
 
 
 def name_of(rival: Rival) -> str:
-    """What tables call it."""
+    """What tables call it; as published it is its paper's."""
     name = rival.config.name
-    return f"{name}_as_published" if rival.config.encoder == "published" else name
+    return f"{name}_paper" if rival.config.encoder == "published" else name
 
 
 def answered(rivals: Sequence[Rival], data: DataSet, split: str, args: Args) -> list[str]:

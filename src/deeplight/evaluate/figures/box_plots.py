@@ -9,6 +9,7 @@ from jaxtyping import Float64
 from PIL import Image, ImageDraw, ImageFont
 
 from deeplight.dataset.contact_sheet import Picture
+from deeplight.evaluate.figures.spheres import title_lines
 from deeplight.evaluate.scores import CHANNELS, Report, Scores
 
 LOW, HIGH = -1.0, 3.0  # of the axis; what lies beyond is put in words
@@ -108,8 +109,7 @@ def _draw_box(draw: ImageDraw.ImageDraw, x: int, box: Box, colour: tuple[int, in
 
 
 def _name(draw: ImageDraw.ImageDraw, x: int, name: str) -> None:
-    first, _, rest = name.partition("_")
-    for line, text in enumerate((first, rest.replace("_", " "))):
+    for line, text in enumerate(title_lines(name)):
         y = (_HEIGHT - _BOTTOM + 6 + 14 * line) * _SHARPER
         draw.text((x * _SHARPER, y), text[:15], INK, _font(11), "ma")
 

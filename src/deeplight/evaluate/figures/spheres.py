@@ -55,11 +55,14 @@ def titled(name: str, picture: Picture) -> Picture:
 
 
 def title(name: str, width: int) -> Picture:
-    """Two lines, since a name is longer than a sphere is wide."""
+    return column([label(line, width) for line in title_lines(name)])
+
+
+def title_lines(name: str) -> tuple[str, str]:
+    """Two lines as short as can be, since a name is longer than a sphere is wide."""
     words = name.split("_")
     splits = [(" ".join(words[:n]), " ".join(words[n:])) for n in range(1, len(words) + 1)]
-    shortest = min(splits, key=lambda lines: max(len(line) for line in lines))
-    return column([label(line, width) for line in shortest])
+    return min(splits, key=lambda lines: max(len(line) for line in lines))
 
 
 def _column(

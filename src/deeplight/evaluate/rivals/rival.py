@@ -25,7 +25,7 @@ Name = Literal["gardner_2017", "hold_geoffroy_2017"]
 
 @dataclass(frozen=True)
 class RivalConfig:
-    """How a rival is trained; defaults are the paper's where it states a number.
+    """How a rival is trained.
 
     Attributes:
         name: which.
