@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from deeplight.cli.main import main
 from deeplight.contract import CONTRACT_KEY, ModelContract
 
 
@@ -48,3 +50,35 @@ def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model file that keeps the contract and takes no time."""
     path = tmp_path_factory.mktemp("model") / "tiny.onnx"
     return write_tiny_model(path, ModelContract(trained_on="nothing").to_json())
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> Path:
+    """A folder with one ordinary photo, `scene.jpg`."""
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    pixels = np.random.default_rng(0).integers(0, 256, (24, 18, 3), dtype=np.uint8)
+    Image.fromarray(pixels).resize((360, 480)).save(folder / "scene.jpg")
+    return folder
+
+
+@pytest.fixture
+def estimate(tiny_model: Path, tmp_path: Path):
+    """Run the command on some paths with the tiny model; results go to `out`.
+
+    The environment is a small one, which takes less time, where no size is asked for; the preview,
+    which takes longer than all the rest, is black unless it is to be `drawn`.
+    """
+
+    def run(
+        *words: object, model: Path = tiny_model, small: bool = True, drawn: bool = False
+    ) -> int:
+        size = ["--height", "64"] if small and not {"--height", "--light-only"} & set(words) else []
+        more = [*size, "--out", str(tmp_path / "out"), "--model", str(model)]
+        with pytest.MonkeyPatch.context() as patch:
+            if not drawn:
+                black = np.zeros((8, 8, 3), np.uint8)
+                patch.setattr("deeplight.estimators.results.preview", lambda *_: black)
+            return main(["estimate", *map(str, words), *more])
+
+    return run

@@ -242,7 +242,7 @@ def test_a_photo_of_any_kind_goes_where_its_light_goes(estimated, tmp_path, caps
     one, other = (json.loads((tmp_path / f"{n}.webxr.json").read_text()) for n in "ab")
     one, other = (np.array(file["sphericalHarmonicsCoefficients"]) for file in (one, other))
     # The .json's light is the 32 x 32 ball, coarser than the rows that go on in the environment.
-    np.testing.assert_allclose(one, other, atol=0.03 * np.abs(other).max())
+    np.testing.assert_allclose(one, other, atol=0.04 * np.abs(other).max())
 
 
 @pytest.mark.parametrize(

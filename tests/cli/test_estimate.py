@@ -19,38 +19,6 @@ from deeplight.io.radiance import read_hdr, write_exr
 RESULTS = {".exr", ".json", ".preview.png"}
 
 
-@pytest.fixture
-def photos(tmp_path: Path) -> Path:
-    """A folder with one ordinary photo, `scene.jpg`."""
-    folder = tmp_path / "photos"
-    folder.mkdir()
-    pixels = np.random.default_rng(0).integers(0, 256, (24, 18, 3), dtype=np.uint8)
-    Image.fromarray(pixels).resize((360, 480)).save(folder / "scene.jpg")
-    return folder
-
-
-@pytest.fixture
-def estimate(tiny_model: Path, tmp_path: Path):
-    """Run the command on some paths with the tiny model; results go to `out`.
-
-    The environment is a small one, which takes less time, where no size is asked for; the preview,
-    which takes longer than all the rest, is black unless it is to be `drawn`.
-    """
-
-    def run(
-        *words: object, model: Path = tiny_model, small: bool = True, drawn: bool = False
-    ) -> int:
-        size = ["--height", "64"] if small and not {"--height", "--light-only"} & set(words) else []
-        more = [*size, "--out", str(tmp_path / "out"), "--model", str(model)]
-        with pytest.MonkeyPatch.context() as patch:
-            if not drawn:
-                black = np.zeros((8, 8, 3), np.uint8)
-                patch.setattr("deeplight.estimators.results.preview", lambda *_: black)
-            return main(["estimate", *map(str, words), *more])
-
-    return run
-
-
 def results(tmp_path: Path) -> set[str]:
     return {file.name for file in (tmp_path / "out").iterdir()}
 
@@ -164,36 +132,6 @@ def test_a_given_field_of_view_is_used_and_a_narrow_one_is_reported(
     printed = capsys.readouterr().out
     assert "of the view the network was trained on" in printed
     assert "assumed" not in printed
-
-
-def test_notes_name_their_photos_and_are_said_once(photos, estimate, capsys):
-    """Three fields of view are assumed, of 66 and of 52 degrees: one line for all three."""
-    with Image.open(photos / "scene.jpg") as scene:
-        scene.rotate(90, expand=True).save(photos / "lying.jpg")
-        scene.crop((0, 0, 360, 440)).save(photos / "short.jpg")
-    assert estimate(photos, "--light-only") == 0
-    lines = " ".join(capsys.readouterr().out.split())
-    assert lines.count("field of view unknown") == 1
-    assert "all 3: field of view unknown, assumed 52 to 66 degrees" in lines
-    assert "lying: the photo shows 94% of the view" in lines  # slid down
-
-
-def test_a_given_pitch_is_the_cameras(photos, estimate, tmp_path):
-    assert estimate(photos / "scene.jpg", "--pitch", -30, "--roll", 5) == 0
-    record = json.loads((tmp_path / "out/scene.json").read_text())
-    tilt = record["camera_tilt"]
-    assert (tilt["pitch_deg"], tilt["roll_deg"], tilt["scale_deg"]) == pytest.approx((-30, 5, 0))
-    assert tilt["up"][1] == pytest.approx(np.cos(np.radians(30)) * np.cos(np.radians(5)))
-    down = read_hdr(tmp_path / "out/scene.exr")
-    assert estimate(photos / "scene.jpg", "--pitch", 30) == 0
-    up = read_hdr(tmp_path / "out/scene.exr")
-    assert np.abs(up - down).max() > 0.01  # the photo's rows go on otherwise
-
-
-@pytest.mark.parametrize("words", [["--pitch", 120], ["--light-only", "--pitch", -10]])
-def test_a_pitch_that_cannot_be_is_refused(photos, estimate, capsys, words):
-    assert estimate(photos / "scene.jpg", *words) == 2
-    assert "--pitch" in capsys.readouterr().err
 
 
 def test_exif_gives_orientation_and_field_of_view(photos, estimate, tmp_path):

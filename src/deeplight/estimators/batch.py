@@ -18,7 +18,7 @@ from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.estimators.results import OutputSpec, write_results
 from deeplight.estimators.sources import Source, find_sources
 from deeplight.estimators.sun import SunHint, scene_in_sun
-from deeplight.estimators.upright import tilt_of_estimate
+from deeplight.estimators.tilt import tilt_of_estimate
 from deeplight.formats.webxr import light_estimate_file
 from deeplight.io.atomic import results_folder
 from deeplight.io.orientation import TOOLS

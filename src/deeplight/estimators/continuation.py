@@ -28,9 +28,9 @@ BLUR_RAD = float(np.radians(5))
 """How far rows are blurred behind the camera: floors end nearer or farther there. Sharp ones were
 stripes all around."""
 DOUBTED = 0.25
-"""Of the rows behind a camera of quite unknown pitch, which are blurred"""
+"""Of the rows behind a camera of quite unknown pitch; next to the photo they are worth a half."""
 BLUR_OF_DOUBT = 1.5
-"""by so many times its scale; next to the photo they are worth a half."""
+"""How far those are blurred, in scales of the pitch."""
 SKY = 0.6
 """Of the highest row, above it: the sky is brighter or darker there more often than the ground."""
 _SHOWN = 0.98  # of a texel, from which on it is a piece of the photo

@@ -23,7 +23,7 @@ from deeplight.estimators.surroundings import (
     power_of,
     smooth_map,
 )
-from deeplight.estimators.upright import tilt_of_estimate
+from deeplight.estimators.tilt import tilt_of_estimate
 from deeplight.io.tilt import Tilt
 from deeplight.lamp import Lamp, add_lamps
 from deeplight.lighting import Lighting

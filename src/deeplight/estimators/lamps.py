@@ -46,7 +46,7 @@ _BRIGHT = (0.95, 1.03)  # radiance between which a clipped area's power fades in
 _LEAST_LEFT = 0.01  # of a channel's power, without the lamps: less cannot be recoloured
 _LOBE_END = 1e-3  # of a lobe's peak: less is not worth a pixel
 TOGETHER_RAD = float(np.radians(15))
-"""Lamps nearer to each other than this are one: what tells them apart is the network's doubt. Up to
+"""Lamps nearer to each other than this are one: what parts them is the network's doubt. Up to
 here the validation places' diffuse and silver spheres stay as they are and the mirror gains 0.4 %;
 wider costs the first two and gains more of the third."""
 MOST_LAMPS = 3

@@ -1,12 +1,8 @@
 """Whether a photo is upright, by what the network says."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
-from deeplight.io.tilt import Tilt, with_given
-
-if TYPE_CHECKING:
-    from deeplight.estimators.network import Estimate
+from deeplight.io.tilt import Tilt
 
 SURE_CHANCE = 0.6
 """From this chance on a photo is said to lie on its side or stand on its head: of validation photos
@@ -35,16 +31,6 @@ def guessed_tilt(heads: Mapping[str, float]) -> Tilt | None:
     if turn and chance >= SURE_CHANCE:
         return None
     return Tilt(heads["pitch_rad"], 0.0, "the network's guess", heads["pitch_scale"])
-
-
-def tilt_of_estimate(
-    estimate: "Estimate", pitch_deg: float | None = None, roll_deg: float | None = None
-) -> Tilt | None:
-    """The camera's tilt: as somebody says, else EXIF's, else the network's guess."""
-    known = estimate.photo.tilt or guessed_tilt(estimate.heads)
-    if known is None and roll_deg is not None:
-        pitch_deg = pitch_deg or 0.0
-    return with_given(known, pitch_deg, roll_deg)
 
 
 def turn_notes(heads: Mapping[str, float]) -> tuple[str, ...]:
