@@ -295,9 +295,11 @@ def test_a_new_picture_of_the_same_direction_replaces_the_old() -> None:
     assert sorted(view.number for view in session.views) == [0, 1, 3]
 
 
-@pytest.mark.parametrize("frames", [40, 180])
-def test_however_slowly_one_turns_nothing_that_was_seen_is_lost(frames: int) -> None:
-    filmed = pan(Sweep(frames, turn_deg=180.0))
+@pytest.mark.parametrize(("frames", "turn_deg"), [(40, 180.0), (80, 80.0)])
+def test_however_slowly_one_turns_nothing_that_was_seen_is_lost(
+    frames: int, turn_deg: float
+) -> None:
+    filmed = pan(Sweep(frames, turn_deg=turn_deg))
     session = gathered(filmed)
     looks = np.stack([view.towards for view in session.views])
     for frame in filmed.frames:
