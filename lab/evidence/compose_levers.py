@@ -18,8 +18,7 @@ from deeplight.dataset import Example, open_dataset
 from deeplight.estimators.environment import SceneLight
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.sureness import SOFTENED, glow_rad
-from deeplight.frames import normalised
-from deeplight.lamp import Lamp
+from deeplight.lamp import in_their_middle
 from deeplight.lighting import Lighting
 from lab.evidence.compose_evidence import (
     DARK,
@@ -47,17 +46,9 @@ def levers(scene: SceneLight, glow: float) -> dict[str, np.ndarray]:
     brighter = replace(scene, lamps=lamps).softened(glow)
     found["lamps 1.35 times brighter"] = brighter.environment.radiance
     if scene.lamps:
-        together = replace(scene, lamps=(one_of(scene.lamps),)).softened(glow)
+        together = replace(scene, lamps=(in_their_middle(scene.lamps),)).softened(glow)
         found["one lamp in their middle"] = together.environment.radiance
     return found
-
-
-def one_of(lamps: tuple[Lamp, ...]) -> Lamp:
-    """All lamps' power in their mean direction."""
-    weighted = [lamp.luminous_flux * lamp.direction for lamp in lamps]
-    flux = np.sum([lamp.flux for lamp in lamps], axis=0)
-    widest = max(lamp.angular_radius_rad for lamp in lamps)
-    return Lamp(normalised(np.sum(weighted, axis=0)), flux, widest)
 
 
 def measured(example: Example, lights: dict[str, np.ndarray], material: str, kept: Path) -> Found:

@@ -148,11 +148,10 @@ class Environment:
         """
         if self.known_lamps is not None:
             return self.known_lamps
-        weights = latlong.solid_angles(*self.radiance.shape[:2])
         return tuple(
             Lamp(
                 frames.normalised(light.direction.astype(np.float64)),
-                np.einsum("ij,ijc->c", weights, excess),
+                self._power_of(excess),
                 max(light.angular_radius_rad, np.pi / self.height / 2),
             )
             for light, excess in self._peeled

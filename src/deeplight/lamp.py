@@ -102,6 +102,13 @@ def draw_lamps(lamps: Sequence[Lamp], height: int) -> Panorama:
     return result
 
 
+def in_their_middle(lamps: Sequence[Lamp]) -> Lamp:
+    """Lamps as one: all their flux in their mean direction, as wide as the widest."""
+    middle = np.sum([lamp.luminous_flux * lamp.direction for lamp in lamps], axis=0)
+    flux = np.sum([lamp.flux for lamp in lamps], axis=0)
+    return Lamp(frames.normalised(middle), flux, max(lamp.angular_radius_rad for lamp in lamps))
+
+
 def add_lamps(panorama: Panorama, lamps: Sequence[Lamp]) -> None:
     """Draw lamps into a latlong, in place; see `draw_lamps`."""
     height, width, _ = panorama.shape

@@ -14,6 +14,9 @@ from jaxtyping import Float
 from deeplight.lamp import Lamp
 from deeplight.mappings import mirror_ball
 
+LEAST_RADIANCE = 1e-6
+"""Of a map where it is nothing but lamp: once its lobes are taken off, its logarithm is wanted."""
+
 
 def lobe_on_ball(lamp: Lamp, size: int = 32) -> Float[np.ndarray, "size size 3"]:
     """Radiance of a lamp on a mirror ball, as the network's map has it.

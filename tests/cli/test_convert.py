@@ -236,13 +236,13 @@ def test_a_photo_of_any_kind_goes_where_its_light_goes(estimated, tmp_path, caps
     assert convert(png, "--out", tmp_path / "a.json") == 0
     assert "66 degrees" in capsys.readouterr().out  # what was assumed
     assert json.loads((tmp_path / "a.json").read_text())["seen"]
-    assert convert(photo, "--out", tmp_path / "a.webxr.json") == 0
+    assert convert(photo, "--out", tmp_path / "a.webxr.json", "--size", "64") == 0
     described = light.with_suffix(".json")  # which lists the lamps; an .exr alone does not
     assert convert(described, "--out", tmp_path / "b.webxr.json") == 0
     one, other = (json.loads((tmp_path / f"{n}.webxr.json").read_text()) for n in "ab")
     one, other = (np.array(file["sphericalHarmonicsCoefficients"]) for file in (one, other))
     # The .json's light is the 32 x 32 ball, coarser than the rows that go on in the environment.
-    np.testing.assert_allclose(one, other, atol=0.04 * np.abs(other).max())
+    np.testing.assert_allclose(one, other, atol=0.03 * np.abs(other).max())
 
 
 @pytest.mark.parametrize(

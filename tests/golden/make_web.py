@@ -82,6 +82,7 @@ def constants() -> dict[str, Any]:
         "CROP_SIZE": CROP_SIZE,
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,
         "WHOLE_VIEW": WHOLE_VIEW,
+        "LEAST_RADIANCE": lobe.LEAST_RADIANCE,
         "SLIDE": {"FITS": preprocess.FITS, "LEAST": preprocess.LEAST_SLIDE},
         "MID_GREY": colour.MID_GREY,
         "GAMMA": camera_response.GAMMA,

@@ -16,6 +16,7 @@ from PIL.TiffImagePlugin import IFDRational
 from deeplight.fuse.frame import SourceFrame, log_exposure_of
 from deeplight.fuse.panorama_photo import is_panorama
 from deeplight.fuse.sources import MOST_FRAMES, read_frames, thinned
+from deeplight.io.exif import exif_directories
 from deeplight.io.video_writer import VideoWriter
 from lab.pans import Sweep, Troubles, film_pan
 
@@ -34,7 +35,7 @@ def photo(path: Path, **tags: float) -> Path:
 
 def test_exposure_is_time_times_iso_over_f_number_squared(tmp_path: Path) -> None:
     file = photo(tmp_path / "a.jpg", time=0.01, f_number=2.0, iso=400)
-    assert log_exposure_of(file) == pytest.approx(math.log(0.01 * 400 / 4))
+    assert log_exposure_of(exif_directories(file)) == pytest.approx(math.log(0.01 * 400 / 4))
 
 
 UNKNOWN = IFDRational(1, 0xFFFFFFFF)
@@ -50,12 +51,12 @@ UNKNOWN = IFDRational(1, 0xFFFFFFFF)
     ],
 )
 def test_what_is_missing_or_nonsense_is_not_known(tmp_path: Path, tags: dict[str, float]) -> None:
-    assert math.isnan(log_exposure_of(photo(tmp_path / "a.jpg", **tags)))
+    assert math.isnan(log_exposure_of(exif_directories(photo(tmp_path / "a.jpg", **tags))))
 
 
 def test_a_file_that_is_no_photo_is_not_known(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(b"nothing")
-    assert math.isnan(log_exposure_of(tmp_path / "a.jpg"))
+    assert math.isnan(log_exposure_of(exif_directories(tmp_path / "a.jpg")))
 
 
 def test_a_header_that_lies_about_its_size_is_neither_known_nor_a_panorama(tmp_path: Path) -> None:
@@ -65,7 +66,7 @@ def test_a_header_that_lies_about_its_size_is_neither_known_nor_a_panorama(tmp_p
     header[16:24] = struct.pack(">II", 10**9, 10**9)  # width, height
     header[29:33] = struct.pack(">I", zlib.crc32(header[12:29]))
     file.write_bytes(header)
-    assert math.isnan(log_exposure_of(file))
+    assert math.isnan(log_exposure_of(exif_directories(file)))
     assert not is_panorama(file)
 
 

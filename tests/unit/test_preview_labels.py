@@ -37,7 +37,7 @@ def test_no_label_covers_a_ring():
     near = ([0.34, 0.57, 0.75], [0.12, 0.58, 0.8], [-0.18, 0.58, 0.79])
     lamps = [Lamp(normalised(np.array(d)), np.full(3, 2.0), 0.06) for d in near]
     picture = Image.new("RGB", (LIGHT_SIZE[0], LIGHT_SIZE[1] + 100))
-    mark_lamps(ImageDraw.Draw(picture), [(x.direction, x) for x in lamps], (0, 50, *LIGHT_SIZE))
+    mark_lamps(ImageDraw.Draw(picture), lamps, (0, 50, *LIGHT_SIZE))
     shown = (np.asarray(picture) == ACCENT).all(-1)
     y, x = np.nonzero(shown)
     for lamp in lamps:

@@ -71,10 +71,11 @@ class CameraTurn:
             self.lost.append(number)
             return self._now
         self._now, by_first = found
-        if was_followed and self._inside(*self._place(), _BACK):
-            self.unfollowed.append(number)
-        if by_first and self._inside(*self._place(), _BACK):
-            self._follow(luma)
+        if self._inside(*self._place(), _BACK):
+            if was_followed:
+                self.unfollowed.append(number)
+            if by_first:
+                self._follow(luma)
         return self._now
 
     def _followed(

@@ -113,7 +113,8 @@ def _window(side: int) -> Float[np.ndarray, "side side"]:
 
 def _varied(patch: Float[np.ndarray, "side side"]) -> Float[np.ndarray, "side side"]:
     """What differs from its mean, weighted so that its squares sum up to its variance."""
-    weight = _window(len(patch)) / _window(len(patch)).sum()
+    window = _window(len(patch))
+    weight = window / window.sum()
     result: np.ndarray = (patch - (weight * patch).sum()) * np.sqrt(weight)
     return result
 

@@ -83,7 +83,7 @@ def compose_video(
             writer.write(pixels[: size[1], : size[0]], time_s)
             progress(number, known.frames)
     kept.remove()
-    lost, hidden = named_ranges(camera.lost()), named_ranges(camera.unfollowed())
+    lost, hidden = named_ranges(camera.turn.lost), named_ranges(camera.turn.unfollowed)
     notes = ["the video's sound is left out"] * known.sound
     notes += [f"match no other, left as they are: frames {lost}"] if lost else []
     notes += [f"the object's place is hidden or blurred: frames {hidden}"] if hidden else []
@@ -252,26 +252,22 @@ def _watched(film: _Shot, video: Path, camera: "_Cameras") -> Lights:
 
 
 class _Cameras:
-    """The camera of each frame, found once, whoever asks first."""
+    """The camera of each frame, found once, whoever asks first.
+
+    Attributes:
+        turn: what finds it, and which frames it did not find.
+    """
 
     def __init__(self, film: _Shot) -> None:
-        self._turn = CameraTurn(film.scene.viewpoint, film.anchor)
+        self.turn = CameraTurn(film.scene.viewpoint, film.anchor)
         self._found: list[Viewpoint | None] = []
 
     def of(self, still: VideoFrame) -> Viewpoint | None:
         """In the order of frames; None where a frame matches no other."""
         if still.number == len(self._found):
-            now, lost = self._turn.update(still.luma), self._turn.lost
-            self._found.append(None if still.number in lost else now)
+            now = self.turn.update(still.luma)
+            self._found.append(None if still.number in self.turn.lost[-1:] else now)
         return self._found[still.number]
-
-    def lost(self) -> list[int]:
-        """Numbers of the frames that match no other."""
-        return self._turn.lost
-
-    def unfollowed(self) -> list[int]:
-        """Numbers of the frames in which the object's place is hidden or blurred."""
-        return self._turn.unfollowed
 
 
 class _Standing:

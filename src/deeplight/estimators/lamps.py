@@ -17,7 +17,7 @@ from deeplight.camera_response import LUMINANCE
 from deeplight.estimators.projection import ProjectedPhoto, brightest, smoothstep
 from deeplight.frames import normalised
 from deeplight.harmonics import dominant_light
-from deeplight.lamp import Lamp, draw_lamps
+from deeplight.lamp import Lamp, draw_lamps, in_their_middle
 from deeplight.lighting import Lighting
 from deeplight.lobe import lobe_on_ball
 from deeplight.mappings import latlong, mirror_ball
@@ -275,12 +275,10 @@ def _together(lamps: list[Lamp], seen: Float32[np.ndarray, "64 128"]) -> list[La
     for one, other in pairs:
         if one.direction @ other.direction < np.cos(TOGETHER_RAD):
             break
-        sides = (lamp.luminous_flux * lamp.direction for lamp in (one, other))
-        middle = normalised(np.sum(list(sides), axis=0))
-        if latlong.nearest(seen, middle[None])[0] < _UNSEEN:
-            radius = max(one.angular_radius_rad, other.angular_radius_rad)
+        both = in_their_middle((one, other))
+        if latlong.nearest(seen, both.direction[None])[0] < _UNSEEN:
             others = [lamp for lamp in lamps if lamp is not one and lamp is not other]
-            return _together([*others, Lamp(middle, one.flux + other.flux, radius)], seen)
+            return _together([*others, both], seen)
     return lamps
 
 

@@ -6,19 +6,15 @@ they stay as sharp as they were.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float32
 
-from deeplight.frames import normalised, rotation
+from deeplight.frames import rotation
 from deeplight.lamp import Lamp
-from deeplight.lobe import lobe_on_ball
+from deeplight.lobe import LEAST_RADIANCE, lobe_on_ball
 from deeplight.mappings import mirror_ball
 from deeplight.mappings.resample import sample_ball
-
-LEAST = np.float32(1e-6)
-"""Radiance of a map where it is nothing but lamp."""
 
 Ball = Float32[np.ndarray, "size size 3"]
 Answer = tuple[Ball, tuple[Lamp, ...], Mapping[str, float]]
@@ -41,10 +37,10 @@ def seen_from_photo(
     size = len(log_radiance)
     soft = np.exp(log_radiance) - sum(lobe_on_ball(lamp, size) for lamp in lamps)
     directions = mirror_ball.pixel_directions(size).reshape(-1, 3) @ photo_from_view
-    soft = sample_ball(np.log(np.maximum(soft, LEAST)), directions).reshape(size, size, 3)
-    moved = tuple(
-        replace(lamp, direction=normalised(photo_from_view @ lamp.direction)) for lamp in lamps
+    soft = sample_ball(np.log(np.maximum(soft, np.float32(LEAST_RADIANCE))), directions).reshape(
+        size, size, 3
     )
+    moved = tuple(lamp.turned(photo_from_view) for lamp in lamps)
     light = np.exp(soft) + sum(lobe_on_ball(lamp, size) for lamp in moved)
     if "pitch_rad" in heads:
         heads = {**heads, "pitch_rad": heads["pitch_rad"] - pitch_rad}

@@ -70,8 +70,8 @@ def preview(
     turn = tilt.level_from_camera if tilt else np.eye(3)
     shown = _turned(environment.radiance, turn) if tilt else environment.radiance
     canvas.paste(_tone_mapped(shown, 0.0, LIGHT_SIZE), (left, 64))
-    places = [(turn @ lamp.direction, lamp) for lamp in environment.lamps]
-    mark_lamps(draw, places, (left, 64, *LIGHT_SIZE), direction_known)
+    lamps = [lamp.turned(turn) for lamp in environment.lamps]
+    mark_lamps(draw, lamps, (left, 64, *LIGHT_SIZE), direction_known)
     below = 64 + LIGHT_SIZE[1] + 40
     canvas.paste(_tone_mapped(shown, DARK_STOPS, DIM_SIZE), (left, below))
     draw.text((left, below + DIM_SIZE[1] + 8), f"{-DARK_STOPS:.0f} stops darker", FAINT, _font(16))
@@ -196,7 +196,7 @@ def _tone_mapped(
 
 def mark_lamps(
     draw: ImageDraw.ImageDraw,
-    lamps: Sequence[tuple[Float[np.ndarray, "3"], Lamp]],
+    lamps: Sequence[Lamp],
     where: tuple[int, int, int, int],
     known: bool = True,
 ) -> None:
@@ -204,21 +204,21 @@ def mark_lamps(
 
     Args:
         draw: what the panorama is on.
-        lamps: each with its direction in the panorama, the main light first.
+        lamps: in the panorama's frame, the main light first.
         where: left, top, width and height of the panorama.
         known: whether the main light's direction is.
     """
     at, (width, height) = where[:2], where[2:]
     rings: list[Box] = []
-    for direction, lamp in lamps:
-        (row,), (column,) = position(direction[None], height, width)
+    for lamp in lamps:
+        (row,), (column,) = position(lamp.direction[None], height, width)
         x, y = at[0] + float(column), at[1] + float(row)
         size = max(10.0, lamp.angular_radius_rad / np.pi * height + 6)
         rings.append((x - size, y - size, x + size, y + size))
         draw.ellipse((x - size - 1, y - size - 1, x + size + 1, y + size + 1), None, PAPER, 4)
         draw.ellipse(rings[-1], outline=ACCENT, width=2)
     taken = list(rings)  # no label covers a ring or another label
-    for number, ((_, lamp), (x0, y0, x1, y1)) in enumerate(zip(lamps, rings, strict=True)):
+    for number, (lamp, (x0, y0, x1, y1)) in enumerate(zip(lamps, rings, strict=True)):
         label = f"{'main light' if number == 0 else 'light'}, {lamp.radiance.max():.0f} x white"
         if not known and number == 0:
             label += ", direction not known"

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,7 +10,7 @@ from jaxtyping import Float, UInt8
 
 from deeplight.frames import Rotation
 from deeplight.fuse.track import WORKING_SIDE
-from deeplight.io.exif import exif_directories, number
+from deeplight.io.exif import ExifDirectories, number
 from deeplight.io.photos import Photo
 from deeplight.preprocess import frame_photo
 
@@ -47,14 +46,13 @@ class SourceFrame:
 
 def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> SourceFrame:
     """A photo as a frame: made small, its exposure read."""
-    exposure = math.nan if photo.source is None else log_exposure_of(photo.source)
     return SourceFrame(
         name,
         shrunk(photo.pixels),
         number,
         time_s,
         photo.vertical_fov_rad,
-        exposure,
+        log_exposure_of(photo.exif),
         notes=photo.notes,
         up=None if photo.tilt is None else photo.tilt.up,
     )
@@ -136,9 +134,9 @@ def shrunk(pixels: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "ro
     return np.asarray(cv2.resize(upright, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
 
 
-def log_exposure_of(path: Path) -> float:
+def log_exposure_of(exif: ExifDirectories) -> float:
     """ln of exposure time times ISO over the f-number squared, from EXIF data; nan without them."""
-    camera = exif_directories(path).camera
+    camera = exif.camera
     iso = camera.get(0x8827)
     speed = iso[0] if isinstance(iso, tuple) and iso else iso
     values = [number(value) for value in (camera.get(0x829A), camera.get(0x829D), speed)]

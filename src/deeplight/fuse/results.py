@@ -127,8 +127,7 @@ def preview(fused: Fused, title: str) -> UInt8[np.ndarray, "height width 3"]:
     caption = f"{seen_share(environment):.0%} seen; the rest, darker, is estimated"
     draw.text((WIDTH - MARGIN, MARGIN + 4), caption, FAINT, small, anchor="ra")
     canvas.paste(picture, (MARGIN, top))
-    lamps = [(lamp.direction, lamp) for lamp in environment.lamps]
-    mark_lamps(draw, lamps, (MARGIN, top, width, width // 2))
+    mark_lamps(draw, environment.lamps, (MARGIN, top, width, width // 2))
     spheres = WIDTH - MARGIN - 3 * (SPHERE + 24)
     draw_spheres(canvas, environment, spheres, below)
     _thumbnails(canvas, fused, below, spheres - MARGIN, small)

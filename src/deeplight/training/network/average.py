@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ConfigError
+from deeplight.lobe import LEAST_RADIANCE
 from deeplight.training.network.generator import Generator
 
 NEARNESS = 8.0
@@ -22,7 +23,6 @@ NEARNESS = 8.0
 TRUST = 8.0
 """Power of the agreement by which flux is shared. 0 is the plain mean; chosen on validation places,
 where 8 gives the brightest light the share it has in truth."""
-LEAST = 1e-6  # radiance of a map where it is nothing but lamp
 
 Answer = tuple[Float[Tensor, "n 3 size size"], Float[Tensor, "n lamp 7"] | None]
 
@@ -64,7 +64,7 @@ class Average(nn.Module):
             for log_radiance, own in answers:
                 radiance = log_radiance.exp()
                 if own is not None:
-                    radiance = (radiance - drawn(member, own)).clamp_min(LEAST)
+                    radiance = (radiance - drawn(member, own)).clamp_min(LEAST_RADIANCE)
                     lamps.append(dimmed(own, -math.log(share)))
                     drawing = member
                 maps.append(share * radiance)

@@ -66,6 +66,8 @@ export const ASSUMED_LONG_SIDE_FOV_RAD = 1.1519173063162575 as const;
 
 export const WHOLE_VIEW = 0.995 as const;
 
+export const LEAST_RADIANCE = 1e-06 as const;
+
 export const SLIDE = {
   "FITS": 1.07,
   "LEAST": 1e-06

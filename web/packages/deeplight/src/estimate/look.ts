@@ -1,5 +1,6 @@
 /** The network's answer, given in the frame of what it was shown, in the photo's frame: look.py. */
-import { type Lamp, lampsOf, lobeOnBall } from "../light/lamp.ts";
+import { LEAST_RADIANCE } from "../contract/generated.ts";
+import { type Lamp, lampsOf, lobeOnBall, NUMBERS } from "../light/lamp.ts";
 import type { Vector3 } from "../light/matrix.ts";
 import { onBall, pixelDirection } from "../light/mirror-ball.ts";
 import type { Contract } from "../network/contract.ts";
@@ -10,9 +11,6 @@ export interface Answered {
   readonly logRadiance: Float32Array;
   readonly others: ReadonlyMap<string, Dense>;
 }
-
-const LEAST = 1e-6; // radiance of a map where it is nothing but lamp
-const NUMBERS = 7; // of each lamp
 
 /** @param pitchRad how far up the view looks from the photo's axis; 0 changes nothing. */
 export function seenFromPhoto(answer: Answered, contract: Contract, pitchRad: number): Answered {
@@ -37,7 +35,7 @@ function turned(
   const size = Math.sqrt(logRadiance.length / 3);
   const [before, after] = [lamps, moved].map((own) => drawn(own, size));
   const soft = logRadiance.map((value, i) => {
-    return Math.log(Math.max(Math.exp(value) - before![i]!, LEAST));
+    return Math.log(Math.max(Math.exp(value) - before![i]!, LEAST_RADIANCE));
   });
   const result = new Float32Array(logRadiance.length);
   const at: [number, number, number] = [0, 0, 0];

@@ -24,7 +24,8 @@ interface LampNumbers {
   readonly data: ArrayLike<number>;
 }
 
-const NUMBERS = 7;
+/** Of each lamp in a network's output. */
+export const NUMBERS = 7;
 
 /** From the network's output. @throws RangeError where it is none. */
 export function lampsOf({ shape, data }: LampNumbers): readonly Lamp[] {

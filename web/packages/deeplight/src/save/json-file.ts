@@ -105,14 +105,19 @@ function zlibbed(bytes: Uint8Array): Uint8Array {
 
 /** The first lamp; of a light without lamps what stands out of the ball. */
 function dominantLight(lighting: Lighting, lamp?: Lamp): Record<string, unknown> {
-  const light = lamp ? null : lighting.mainLight();
-  const whole = powerOfBall(lighting.radiance(), lighting.size);
+  const light = lamp ? mainLightOf(lamp, lighting) : lighting.mainLight();
   return {
     ...LIGHTING_FILE.dominant_light,
-    primary_light_direction: light?.direction ?? lamp!.direction,
-    primary_light_intensity: light?.irradiance ?? irradiance(lamp!),
-    share_of_power: light?.share ?? luminous(lamp!.flux) / luminous(whole),
+    primary_light_direction: light.direction,
+    primary_light_intensity: light.irradiance,
+    share_of_power: light.share,
   };
+}
+
+function mainLightOf(lamp: Lamp, lighting: Lighting) {
+  const whole = powerOfBall(lighting.radiance(), lighting.size);
+  const share = luminous(lamp.flux) / luminous(whole);
+  return { direction: lamp.direction, irradiance: irradiance(lamp), share };
 }
 
 function harmonics(lighting: Lighting): Record<string, unknown> {

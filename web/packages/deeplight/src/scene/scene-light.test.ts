@@ -96,7 +96,7 @@ describe("a photo that goes on all around", () => {
     const even = new Float32Array(6 * 64 * 64).fill(radianceFromPixel(0.5));
     const tilt = pitched(0.3);
     expect(largestError(continued(even, 64, shown, tilt), even)).toBeLessThan(1e-5);
-    const map = even.map((value, i) => value * (1.2 + Math.sin(i % 7)));
+    const map = even.map((value, i) => value * (2 + Math.sin(i % 7)));
     const got = continued(map, 64, shown, tilt);
     const hidden = (whole: Float32Array) =>
       powerOf(
@@ -104,7 +104,7 @@ describe("a photo that goes on all around", () => {
         64,
       );
     expect(largestError(hidden(got), hidden(map))).toBeLessThan(1e-4);
-    expect(largestError(got, map)).toBeGreaterThan(0.02);
+    expect(largestError(got, map)).toBeGreaterThan(0.05);
     expect(continued(map, 64, shown, known([0, 0.1, -0.995]))).toBe(map); // straight up: no side is ahead
   });
 });
