@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from deeplight.area_means import mean_over_squares
 from deeplight.camera_response import CameraResponse
 from deeplight.compose.ground import Viewpoint
 from deeplight.errors import ConfigError
-from deeplight.preprocess import mean_over_squares
 
 _CELLS = 40  # along the photo's shorter side
 _STEPS = 24  # places tried along each side

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
+from deeplight.area_means import mean_over_squares
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import LUMINANCE
 from deeplight.compose.look import blurred
 from deeplight.frames import world_from_camera
-from deeplight.preprocess import mean_over_squares
 
 _SIDE = 320  # pixels along the longer side that are looked at
 _EDGES = 3000  # number of the strongest

@@ -8,10 +8,10 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float32, Int, UInt8
 
+from deeplight.area_means import mean_over_squares
 from deeplight.camera import PinholeCamera
 from deeplight.camera_response import CameraResponse
 from deeplight.mappings import resample
-from deeplight.preprocess import mean_over_squares
 
 CLIPPED = 251 / 255
 """From this pixel value on a channel may be clipped: compression moves white by a few levels."""

@@ -11,11 +11,11 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
+from deeplight.area_means import BLAS_ALONE, mean_over_squares
 from deeplight.camera_response import CameraResponse
 from deeplight.estimators.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
 from deeplight.frames import normalised
 from deeplight.mappings import latlong, mirror_ball, resample
-from deeplight.preprocess import mean_over_squares
 
 _ROWS = 48
 """Rows at which the map is made: a texel is the size of the ball's finest pixel."""
@@ -32,7 +32,6 @@ REACH_RAD = float(np.radians(52))
 """So far from the photo's edge the map is adapted to it, by half at 20 degrees."""
 _TILE = 4, 8  # texels of the map that are mixed at once
 _LEAST_WEIGHT = 1e-10  # of a texel's largest: the pixels of less are left out
-_BLAS_ALONE = 1 << 18  # multiplications of a product that OpenBLAS makes with one thread
 _MOST_ADAPTED = np.log(200.0)
 _DARKEST = 1e-3
 
@@ -125,7 +124,7 @@ def adapted(
     reach = _reach(plane, ring.shape, (rows, columns), part)
     ratios = np.concatenate([ratio[::down, ::across][ring] for down, across in turns], axis=1)
     # By parts too small for BLAS to wake its threads: they wait for more in a busy loop.
-    parts = range(0, len(reach.near), _BLAS_ALONE // ratios.size)
+    parts = range(0, len(reach.near), BLAS_ALONE // ratios.size)
     means = [reach.weight[at : at + parts.step] @ ratios for at in parts]
     mean = np.concatenate(means).reshape(-1, len(turns), 3)
     fade = reach.fade[:, None, None]
