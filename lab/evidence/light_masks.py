@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from deeplight.camera_response import LUMINANCE
 from deeplight.cli.main import run_command
@@ -107,14 +107,42 @@ def row(name: str, rival: Rival, look: Look) -> str:
     names = np.repeat([place.name for place in look.places], look.views)
     answers = [small(rival.panorama(pair.photo)) for pair in pairs]
     true = [small(pair.panorama) for pair in pairs]
-    lights = [lights_of(light) for light in true]
-    draws, others, cells = PlaceBootstrap(names), another_place(names), [f"{len(pairs)}"]
-    towards, wanted = (np.array([azimuth_deg(x) for x in some]) for some in (answers, true))
-    for theirs in (towards, towards[others]):
-        off = np.abs((theirs - wanted + 180) % 360 - 180)
-        cells.append(f"{interval(draws.median(off), 0)}°")
-    own = np.array([found(*both) for both in zip(answers, lights, strict=True)])
-    chance = np.array([found(answers[n], mask) for n, mask in zip(others, lights, strict=True)])
+    return line(name, Scores.of(answers, true, another_place(names)), names)
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Of each view's own answer, and of another place's, which is what chance gives.
+
+    Attributes:
+        off_deg: of the azimuth of the main light.
+        found: recall and average precision.
+    """
+
+    off_deg: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
+    found: tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]
+
+    @classmethod
+    def of(
+        cls, answers: Sequence[Texels], true: Sequence[Texels], others: Int[np.ndarray, " n"]
+    ) -> "Scores":
+        """Answers held against the truth; `others` numbers the answer that is a view's chance."""
+        towards, wanted = (np.array([azimuth_deg(x) for x in some]) for some in (answers, true))
+        apart = [np.abs((some - wanted + 180) % 360 - 180) for some in (towards, towards[others])]
+        lights = [lights_of(light) for light in true]
+        own = [found(*both) for both in zip(answers, lights, strict=True)]
+        chance = [found(answers[n], mask) for n, mask in zip(others, lights, strict=True)]
+        return cls((apart[0], apart[1]), (np.array(own), np.array(chance)))
+
+
+def line(
+    name: str, scores: Scores, places: np.ndarray, chosen: Bool[np.ndarray, " n"] | None = None
+) -> str:
+    """A line of the table, of the chosen views (all)."""
+    mask = np.ones(len(places), bool) if chosen is None else chosen
+    draws, cells = PlaceBootstrap(places[mask]), [f"{mask.sum()}"]
+    cells += [f"{interval(draws.median(off[mask]), 0)}°" for off in scores.off_deg]
+    own, chance = (some[mask] for some in scores.found)
     for mine, theirs in zip(own.T, chance.T, strict=True):
         more = interval(draws.difference(mine, theirs), 2)
         cells += [f"{mine.mean():.2f}", f"{theirs.mean():.2f}", more]
