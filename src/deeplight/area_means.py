@@ -5,7 +5,6 @@ With F(t) the integral of a line's pixels from 0 to t, their mean between a and 
 next. Clipping the whole part of t but not its fraction continues the first and last pixel for ever.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -13,11 +12,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32, Int, Shaped
 
+from deeplight.banded import Bands, bands, together
 from deeplight.errors import ShapeError
 
-BLAS_ALONE = 1 << 18
-"""Multiplications of a product that OpenBLAS makes with one thread: after a larger one its threads
-wait for more in a busy loop."""
 _SHORT = 8  # whole pixels in an interval: of more, adding line by line is faster
 _TOGETHER = 5  # intervals of a band at most: more are mostly zeros
 
@@ -95,13 +92,12 @@ def _row_sums(
     whole, fraction = _split(edges, height)
     longest = int(np.diff(whole).max())
     if longest <= _SHORT:
-        together = _that_many(longest, width * channels)
-        bands = _bands(edges.tobytes(), height, together)
-        result = np.empty((len(bands.first), together, width * channels), np.float32)
-        for sums, first, weight in zip(result, bands.first, bands.weight, strict=True):
-            lines = pixels[first : first + weight.shape[1]].reshape(weight.shape[1], -1)
-            np.matmul(weight, lines.astype(np.float32), out=sums)
-        return result.reshape(-1, width, channels)[: len(edges) - 1]
+        mixing = _bands(edges.tobytes(), height, together(longest + 1, width * channels, _TOGETHER))
+
+        def lines(top: int, end: int) -> Float32[np.ndarray, "some numbers"]:
+            return pixels[top:end].reshape(end - top, -1).astype(np.float32)
+
+        return mixing.across_lines(lines, width * channels).reshape(-1, width, channels)
     sum_type = _sum_type(pixels.dtype, longest)
     sums = np.empty((len(edges) - 1, width, channels), np.float32)
     # This loop is twenty times faster than `np.add.reduceat` along this axis.
@@ -119,58 +115,26 @@ def _column_sums(
     """Sum over intervals of the second axis."""
     height, width, channels = pixels.shape
     longest = int(np.diff(_split(edges, width)[0]).max())
-    together = _that_many(longest, height * channels**2)
-    bands = _bands(edges.tobytes(), width, together, channels)
-    lines = pixels.reshape(height, -1)
-    taken, given = bands.weight.shape[1:]
-    result = np.empty((height, len(bands.first) * given), np.float32)
-    for number, (first, weight) in enumerate(
-        zip(bands.first * channels, bands.weight, strict=True)
-    ):
-        sums = result[:, number * given : (number + 1) * given]
-        np.matmul(lines[:, first : first + taken], weight, out=sums)
-    return result.reshape(height, -1, channels)[:, : len(edges) - 1]
-
-
-@dataclass(frozen=True, eq=False)
-class _Bands:
-    """Weights of pixels in the sums of neighbouring intervals: few but zeros are left out.
-
-    Attributes:
-        first: pixel of each band.
-        weight: (bands, intervals, pixels); with channels (bands, pixels x channels, intervals x
-            channels).
-    """
-
-    first: Int[np.ndarray, " bands"]
-    weight: Float32[np.ndarray, "bands some more"]
+    several = together(longest + 1, height * channels**2, _TOGETHER)
+    mixing = _bands(edges.tobytes(), width, several, channels)
+    sums = mixing.along_lines(pixels.reshape(height, -1))
+    return sums.reshape(height, -1, channels)
 
 
 @lru_cache(maxsize=16)  # the next photo is often as large
-def _bands(edges: bytes, length: int, together: int, channels: int | None = None) -> _Bands:
-    """The bands of `together` intervals between edges (float64) along `length` pixels."""
+def _bands(edges: bytes, length: int, several: int, channels: int = 1) -> Bands:
+    """What sums `length` pixels over the intervals between edges (float64)."""
     whole, fraction = _split(np.frombuffer(edges), length)
-    count = -(-(len(whole) - 1) // together)
-    at = (np.arange(count)[:, None] * together + np.arange(together + 1)).clip(max=len(whole) - 1)
-    pixels = min(int((whole[at[:, -1]] - whole[at[:, 0]]).max()) + 1, length)
-    first = whole[at[:, 0]].clip(max=length - pixels)
-    before = (whole[at] - first[:, None])[..., None] - np.arange(pixels)
-    integral = np.where(before == 0, fraction[at][..., None], before > 0)
-    weight = np.diff(integral, axis=1).astype(np.float32)
-    if channels is None:
-        return _Bands(first, weight)
-    spread = np.zeros((count, pixels, channels, together, channels), np.float32)
-    for channel in range(channels):
-        spread[:, :, channel, :, channel] = weight.swapaxes(1, 2)
-    return _Bands(first, spread.reshape(count, pixels * channels, together * channels))
 
+    def integral(pixel: np.ndarray, edge: np.ndarray) -> np.ndarray:
+        return np.where(pixel == whole[edge], fraction[edge], pixel < whole[edge])
 
-def _that_many(longest: int, others: int) -> int:
-    """Intervals of a band whose product with `others` further numbers wakes no thread."""
-    for together in range(_TOGETHER, 1, -1):
-        if together * (together * (longest + 1) + 1) * others <= BLAS_ALONE:
-            return together
-    return 1
+    def weight(pixel: np.ndarray, interval: np.ndarray) -> np.ndarray:
+        result: np.ndarray = integral(pixel, interval + 1) - integral(pixel, interval)
+        return result
+
+    mixing = bands(whole[:-1], whole[1:], length, weight, several)
+    return mixing if channels == 1 else mixing.for_channels(channels)
 
 
 def _split(

@@ -234,14 +234,16 @@ def _checked(radiance: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray,
     if width != 2 * height or height < 4:
         got = f"{width} x {height}"
         raise ShapeError("a panorama twice as wide as high", got, "crop it to the full sphere")
-    least, power = float(radiance.min()), float(radiance.sum(dtype=np.float64))
-    if not np.isfinite([least, power]).all():  # float64 holds the sum of all that float32 holds
+    least, most = float(radiance.min()), float(radiance.max())
+    if not np.isfinite([least, most]).all():
         raise ShapeError("finite radiance", "NaN or infinite values", "repair the picture")
-    negative = -float(radiance[radiance < 0].sum(dtype=np.float64)) if least < 0 else 0.0
-    power += 2 * negative
+    if least == most == 0:
+        raise ShapeError("light", "a panorama that is black all over", "give another one")
+    if least >= 0:
+        return radiance.copy()
+    negative = -float(radiance[radiance < 0].sum(dtype=np.float64))
+    power = float(np.abs(radiance).sum(dtype=np.float64))  # more than float32 may hold
     if negative > MOST_NEGATIVE * power:
         got = f"{negative / power:.0%} of it negative"
         raise ShapeError("radiance of at least 0", got, "give linear light, not a difference")
-    if power == 0:
-        raise ShapeError("light", "a panorama that is black all over", "give another one")
     return np.maximum(radiance, 0)

@@ -47,7 +47,7 @@ from deeplight.transfer import file as transfer_file
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = ROOT / "web/packages/deeplight/src/contract/generated.ts"
-PYTHONS_OWN = ("KEPT_UP_TO", "TILE", "LEAST_WEIGHT", "BLAS_ALONE")
+PYTHONS_OWN = ("KEPT_UP_TO", "TILE", "TOGETHER", "LEAST_WEIGHT", "BLAS_ALONE")
 """Constants of how numpy is made fast: the page has other ways, and pays for each byte."""
 GOLDEN = ROOT / "web/tests/golden"
 TURN = world_from_camera(0.7, -0.4, 0.2)

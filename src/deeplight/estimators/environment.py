@@ -168,7 +168,7 @@ def assemble(
     box = photo.box
     known, clipped = photo.radiance[box] + found.areas[box], photo.clipped[box]
     if clipped.any():
-        least = enlarged(smooth, height)[box]
+        least = enlarged(smooth, height, box[0])[:, box[1]]
         known += clipped * np.maximum(least - photo.radiance[box], 0)
     rest[box] += (known - rest[box]) * photo.seen[box][..., None]
     if fill is None or fill == "photo":

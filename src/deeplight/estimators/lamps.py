@@ -143,10 +143,11 @@ class ClippedArea:
 
     def lamp(self, flux: Float32[np.ndarray, "3"]) -> Lamp | None:
         """The lamp that this area is, with that flux; None where it is no small round spot."""
+        if self.radius_rad > LARGEST_LAMP_RAD:
+            return None
         lamp = Lamp(self.direction, flux, max(self.radius_rad, np.pi / len(self.mask) / 2))
         disc = draw_lamps([lamp], len(self.mask))
-        is_round = disc[self.mask].sum() > ROUND * disc.sum()
-        return lamp if is_round and self.radius_rad <= LARGEST_LAMP_RAD else None
+        return lamp if disc[self.mask].sum() > ROUND * disc.sum() else None
 
 
 def clipped_areas(clipped: Float32[np.ndarray, "height width"], most: int = 8) -> list[ClippedArea]:

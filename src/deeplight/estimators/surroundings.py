@@ -11,7 +11,8 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
-from deeplight.area_means import BLAS_ALONE, mean_over_squares
+from deeplight.area_means import mean_over_squares
+from deeplight.banded import BLAS_ALONE, Bands, bands, together
 from deeplight.camera_response import CameraResponse
 from deeplight.estimators.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
 from deeplight.frames import normalised
@@ -32,6 +33,7 @@ REACH_RAD = float(np.radians(52))
 """So far from the photo's edge the map is adapted to it, by half at 20 degrees."""
 _TILE = 4, 8  # texels of the map that are mixed at once
 _LEAST_WEIGHT = 1e-10  # of a texel's largest: the pixels of less are left out
+_TOGETHER = 12  # texels of an enlarged line that are mixed at once
 _MOST_ADAPTED = np.log(200.0)
 _DARKEST = 1e-3
 
@@ -58,28 +60,38 @@ def smooth_map(
 
 
 def enlarged(
-    small: Float32[np.ndarray, "rows columns channels"], height: int
-) -> Float32[np.ndarray, "height width channels"]:
-    """Bilinear between the texels of a coarser panorama, around the back."""
+    small: Float32[np.ndarray, "rows columns channels"], height: int, only: slice = slice(None)
+) -> Float32[np.ndarray, "some_rows width channels"]:
+    """Bilinear between the texels of a coarser panorama, around the back; `only` some rows."""
     rows, columns, channels = small.shape
     if rows == height:
-        return small
-    # Weights as long as a row of numbers: numpy is slow where its inner loop is a texel's three.
-    lines = small.reshape(rows, columns * channels)
-    at = (np.arange(height) + 0.5) * (rows / height) - 0.5
-    top, down = _taps(np.clip(at, 0, rows - 1))
-    between = lines[top] * (1 - down[:, None])
-    between += lines[(top + 1).clip(0, rows - 1)] * down[:, None]
-    at = (np.arange(2 * height) + 0.5) * (columns / (2 * height)) - 0.5
-    left, across = _taps(at)
-    across = across.repeat(channels)
-    texels = between.reshape(height, columns, channels)
-    result: np.ndarray = texels.take(left % columns, axis=1).reshape(height, -1)
-    result *= 1 - across
-    right = texels.take((left + 1) % columns, axis=1).reshape(height, -1)
-    right *= across
-    result += right
-    return result.reshape(height, 2 * height, channels)
+        return small[only]
+    around = np.concatenate([small[:, -1:], small, small[:, :1]], axis=1).reshape(rows, -1)
+    at = _between(rows, height)[only].clip(0, rows - 1)
+    top = at.astype(int)
+    down = (at - top).astype(np.float32)[:, None]
+    lines = around[top] * (1 - down)
+    lines += around[(top + 1).clip(max=rows - 1)] * down
+    several = together(columns / (2 * height), len(lines) * channels**2, _TOGETHER)
+    found = _across(columns, 2 * height, several, channels).along_lines(lines)
+    return found.reshape(-1, 2 * height, channels)
+
+
+def _between(count: int, more: int) -> Float[np.ndarray, " more"]:
+    """Where the middles of `more` texels lie between those of `count`."""
+    return (np.arange(more) + 0.5) * (count / more) - 0.5
+
+
+@lru_cache(maxsize=8)
+def _across(columns: int, width: int, several: int, channels: int) -> Bands:
+    """What brings `columns`, and one more at either end, to `width` ones."""
+    at = _between(columns, width) + 1
+    left = at.astype(int)
+
+    def weight(pixel: np.ndarray, result: np.ndarray) -> np.ndarray:
+        return np.maximum(1 - np.abs(pixel - at[result]), 0)
+
+    return bands(left, left + 1, columns + 2, weight, several).for_channels(channels)
 
 
 def power_of(radiance: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "3"]:
@@ -250,8 +262,3 @@ def _spreading(size: int) -> Float32[np.ndarray, "texels pixels"]:
         held = weights @ kernel
         kernel *= np.divide(lit, held, out=np.zeros_like(lit), where=held > 0)
     return kernel
-
-
-def _taps(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    first = np.floor(at).astype(int)
-    return first, (at - first).astype(np.float32)
