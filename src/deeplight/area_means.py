@@ -38,8 +38,9 @@ def mean_over_cells(
     """
     cells = _sums_in_memory_order(photo, row_edges, column_edges)
     # Divided once and last, so that a box filter by a whole factor is exact.
-    area = np.outer(np.diff(row_edges), np.diff(column_edges)) * _white(photo.dtype)
-    cells = cells / area[..., None].astype(np.float32)
+    widths = np.diff(column_edges).repeat(cells.shape[2])
+    area = np.outer(np.diff(row_edges) * _white(photo.dtype), widths).astype(np.float32)
+    cells = cells / area.reshape(cells.shape)
     if not (cells.min() > -1e-3 and cells.max() < 1 + 1e-3):  # false for nan as well
         raise ShapeError("a float photo within [0, 1]", "values outside it", "encode it first")
     return cells.clip(0, 1)  # rounding may leave it by an ulp

@@ -1,6 +1,5 @@
 """The photo's own pixels on the sphere: what the camera saw is known, not estimated."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Self
@@ -25,7 +24,7 @@ _KEPT_UP_TO = 512  # rows: what is kept of larger latlongs would be tens of mega
 _RESPONSE = CameraResponse()
 
 
-Taps = Sequence[tuple[Int[np.ndarray, "*batch"], Float32[np.ndarray, "*batch"]]]
+Taps = tuple[Int[np.ndarray, "4 *batch"], Float32[np.ndarray, "4 *batch"]]
 """Pixels of a picture by their indices, and their weights."""
 
 
@@ -105,11 +104,11 @@ def project_photo(
     found = _kept_samples if height <= _KEPT_UP_TO else _samples
     samples = found(plane, height, encoded.shape[:2])
     parts = np.zeros((2, height, 2 * height, 3), np.float32)
-    for part, values in zip(parts, (linear, clipped), strict=True):
-        for channel in range(3):
-            part[samples.rows, samples.columns, channel] = samples.means(values[..., channel])
+    parts[0].reshape(-1, 3)[samples.texels] = samples.means(linear)
+    if clipped.any():
+        parts[1].reshape(-1, 3)[samples.texels] = samples.means(clipped)
     seen = np.zeros((height, 2 * height), np.float32)
-    seen[samples.rows, samples.columns] = samples.seen
+    seen.ravel()[samples.texels] = samples.seen
     return ProjectedPhoto(parts[0], seen, parts[1], encoded)
 
 
@@ -118,27 +117,26 @@ class _Samples:
     """Where the texels that a photo may touch lie in it.
 
     Attributes:
-        rows, columns: of these texels.
-        taps: (samples, texels) each; the four pixels around each sample, and their part of the
-            texel's mean over the samples that lie inside the photo.
+        texels: their indices.
+        taps: of the four pixels around each sample, their indices and their part of the texel's
+            mean over the samples that lie inside the photo.
         seen: as of `ProjectedPhoto`.
     """
 
-    rows: Int[np.ndarray, " texels"]
-    columns: Int[np.ndarray, " texels"]
-    taps: tuple[
-        tuple[Int[np.ndarray, "samples texels"], Float32[np.ndarray, "samples texels"]], ...
-    ]
+    texels: Int[np.ndarray, " texels"]
+    taps: tuple[Int[np.ndarray, "taps texels"], Float32[np.ndarray, "taps texels"]]
     seen: Float32[np.ndarray, " texels"]
 
     def means(
-        self, values: Float32[np.ndarray, "photo_rows photo_columns"]
-    ) -> Float32[np.ndarray, " texels"]:
-        """The mean of one channel over each texel."""
-        flat = np.ascontiguousarray(values).ravel()
-        total: np.ndarray = sum(flat.take(at) * weight for at, weight in self.taps)
-        result: np.ndarray = total.sum(0)
-        return result
+        self, values: Float32[np.ndarray, "photo_rows photo_columns 3"]
+    ) -> Float32[np.ndarray, "texels 3"]:
+        """The mean over each texel."""
+        at, weight = self.taps
+        found = np.empty((len(self.texels), 3), np.float32)
+        for channel in range(3):
+            flat = np.ascontiguousarray(values[..., channel]).ravel()
+            found[:, channel] = np.einsum("tk,tk->k", flat.take(at), weight)
+        return found
 
 
 def _samples(plane: ImagePlane, height: int, photo_size: tuple[int, int]) -> _Samples:
@@ -151,10 +149,11 @@ def _samples(plane: ImagePlane, height: int, photo_size: tuple[int, int]) -> _Sa
     across = (x - plane.left) / (plane.right - plane.left)
     down = (plane.top - y) / (plane.top - plane.bottom)
     share = inside / np.maximum(inside.sum(0), 1)
-    taps = [(at, weight * share) for at, weight in _bilinear(across, down, photo_size)]
+    at, weight = _bilinear(across, down, photo_size)
+    taps = at.reshape(-1, len(rows)), (weight * share).reshape(-1, len(rows))
     edge = max(FEATHER * plane.shorter / 2, 1.5 * np.pi / height)
     soft = smoothstep(to_side / edge) * smoothstep(to_end / edge)
-    return _Samples(rows, columns, tuple(taps), soft.mean(0))
+    return _Samples(rows * 2 * height + columns, taps, soft.mean(0))
 
 
 _kept_samples = lru_cache(maxsize=4)(_samples)  # the next photo is often the same camera's
@@ -221,12 +220,11 @@ def _bilinear(
     right_part = (column - left).astype(np.float32)
     low_part = (row - top).astype(np.float32)
     first = top * width + left
-    return [
-        (first, (1 - right_part) * (1 - low_part)),
-        (first + 1, right_part * (1 - low_part)),
-        (first + width, (1 - right_part) * low_part),
-        (first + width + 1, right_part * low_part),
-    ]
+    at = np.stack([first, first + 1, first + width, first + width + 1])
+    upper, lower = 1 - low_part, low_part
+    left_part = 1 - right_part
+    weights = [left_part * upper, right_part * upper, left_part * lower, right_part * lower]
+    return at, np.stack(weights)
 
 
 def smoothstep(t: np.ndarray) -> np.ndarray:
