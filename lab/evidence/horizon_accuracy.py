@@ -1,10 +1,11 @@
-"""How far the tilt that a photo's upright edges say is from the true one, by its evidence.
+"""How far the pitch that the network guesses is off, and what upright edges in the photo mend.
 
-python -m lab.evidence.horizon_accuracy data/sim [--split val] [--frames 100]
+python -m lab.evidence.horizon_accuracy data/sim [--split val] [--frames 600]
 
-Simulated frames know how their camera was held. Prints, for frames with at least and with less than
-so much evidence, their number, median and 90 % of the pitch's error, the errors of the network's
-guess and of the usual assumption, and roll's.
+Simulated frames know how their camera was held. Prints, by how many standard deviations the edges
+stand out, the number of frames, mean, median and 90 % of the pitch's error by the network's guess,
+by edges without it, by both, and by what `estimate` takes (`estimators.tilt.seen_tilt`), how often
+the latter is within its own scale, and its roll's error over that of no roll.
 """
 
 import argparse
@@ -12,54 +13,69 @@ from pathlib import Path
 
 import numpy as np
 
-from deeplight.compose.ground import DEFAULT_PITCH_RAD
-from deeplight.compose.horizon import best_tilt
+from deeplight.contract import ModelContract
 from deeplight.dataset import Example, open_dataset
 from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.estimators.projection import ImagePlane
+from deeplight.estimators.tilt import seen_tilt
+from deeplight.estimators.upright import guessed_tilt
+from deeplight.estimators.upright_edges import LEAST_EVIDENCE, tilt_with_edges
 from deeplight.preprocess import normalise
-from lab.evidence.compose_evidence_pictures import full_frame, viewpoint
+from lab.evidence.compose_evidence_pictures import viewpoint
 
-EVIDENCE = (9, 12, 15, 20)
+EVIDENCE = ((0.0, LEAST_EVIDENCE), (LEAST_EVIDENCE, np.inf), (0.0, np.inf))
+WHOLE = ModelContract()
+PLANE = ImagePlane(-WHOLE.right, WHOLE.right, WHOLE.bottom, WHOLE.top)
 
 
 def main(args: argparse.Namespace) -> None:
     index = open_dataset(args.data).index(args.split)
     numbers = np.random.default_rng(1).permutation(len(index))[: args.frames]
-    network = OnnxEstimator()
+    network = OnnxEstimator(threads=1)
     rows = np.array([compared(index[int(number)], network) for number in numbers])
     rows = rows[np.isfinite(rows).all(1)]
-    for least in EVIDENCE:
-        enough = rows[:, 4] >= least
-        for words, chosen in (("at least", enough), ("less than", ~enough)):
-            pitch, roll, guessed, assumed = (np.median(c) for c in rows[chosen, :4].T)
-            most = np.percentile(rows[chosen, 0], 90) if chosen.any() else np.nan
-            print(
-                f"evidence {words:9} {least:2}: {chosen.sum():3} frames, pitch {pitch:4.1f} "
-                f"(90 %: {most:.0f}), guessed {guessed:4.1f}, assumed {assumed:4.1f}, "
-                f"roll {roll:.1f} degrees"
-            )
+    print(f"{args.split}; pitch off in degrees, mean / median / 90 %: network; edges; both; taken")
+    for low, high in EVIDENCE:
+        chosen = rows[(rows[:, 0] >= low) & (rows[:, 0] < high)]
+        if len(chosen):
+            print(f"edges stand out by {low:.0f} to {high:.0f}: {in_words(chosen)}")
+
+
+def in_words(rows: np.ndarray) -> str:
+    """The errors of some frames."""
+    parts = []
+    for errors in rows[:, 1:5].T:
+        parts.append(
+            f"{errors.mean():.1f} / {np.median(errors):.1f} / {np.percentile(errors, 90):.0f}"
+        )
+    within = np.mean(rows[:, 4] <= rows[:, 5])
+    roll, none = rows[:, 6:].mean(0)
+    return (
+        f"{len(rows)} frames, {'; '.join(parts)}; {within:.0%} within the scale; "
+        f"roll {roll:.1f} of {none:.1f}"
+    )
 
 
 def compared(example: Example, network: OnnxEstimator) -> tuple[float, ...]:
-    """Errors in degrees of pitch, of roll, of the network's and of the assumed pitch; evidence."""
-    photo = full_frame(example, 1).copy()
-    height, width, _ = photo.shape
-    kept = len(example.background)
-    photo[kept:] = photo[kept - 1].mean(0)  # below it the frame was cut: no edges there
-    view = viewpoint(example, height, width)
-    found = best_tilt(photo, view.camera)
-    if found is None:
-        return (np.nan,) * 5
-    *_, (heads,) = network.estimate_fully(normalise(example.background[None]))
-    off = np.array([found.pitch_rad, found.roll_rad, heads["pitch_rad"], DEFAULT_PITCH_RAD])
-    pitch = view.pitch_rad
-    off = np.degrees(np.abs(off - [pitch, view.roll_rad, pitch, pitch]))
-    return *(float(value) for value in off), found.evidence
+    """Evidence; errors in degrees of pitch by the network, by edges, by both and as taken, and the
+    scale of the latter; errors of its roll and of no roll."""
+    photo = example.background
+    view = viewpoint(example, *photo.shape[:2])
+    *_, (heads,) = network.estimate_fully(normalise(photo[None]))
+    guess, taken = guessed_tilt(heads), seen_tilt(photo, PLANE, heads)
+    both, evidence = tilt_with_edges(photo, PLANE, guess)
+    if guess is None or taken is None or both is None:
+        return (np.nan,) * 8
+    edges, _ = tilt_with_edges(photo, PLANE, None)
+    pitches = [tilt.pitch_rad - view.pitch_rad for tilt in (guess, edges or guess, both, taken)]
+    off = np.degrees(np.abs([*pitches, taken.scale_rad, taken.roll_rad - view.roll_rad]))
+    roll = float(np.degrees(abs(view.roll_rad)))
+    return evidence, *(float(value) for value in off), roll
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path)
     parser.add_argument("--split", default="val")
-    parser.add_argument("--frames", type=int, default=100)
+    parser.add_argument("--frames", type=int, default=600)
     main(parser.parse_args())

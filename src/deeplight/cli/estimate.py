@@ -76,7 +76,7 @@ class Args:
     shadow_top: tuple[float, float] | None = None
     """With --shadow: pixel x y of its upper end. Default: the sun is as high as estimated."""
     pitch: float | None = None
-    """Degrees the camera looks up. Default: from EXIF, else the network's guess."""
+    """Degrees the camera looks up. Default: EXIF's, else by upright edges and the network."""
     roll: float | None = None
     """Degrees the camera is turned counter-clockwise. Default: from EXIF, else 0."""
 

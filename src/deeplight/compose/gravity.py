@@ -3,13 +3,9 @@
 from dataclasses import dataclass
 from math import degrees, radians
 
-import numpy as np
-from jaxtyping import UInt8
-
 from deeplight.camera import PinholeCamera
 from deeplight.compose.ground import DEFAULT_PITCH_RAD, Viewpoint
-from deeplight.compose.horizon import tilt_of_photo
-from deeplight.io.tilt import Tilt, with_given
+from deeplight.io.tilt import Tilt
 
 
 @dataclass(frozen=True)
@@ -29,23 +25,6 @@ class CameraPlacement:
     fov_deg: float | None = None
 
 
-def camera_tilt(
-    known: Tilt | None,
-    camera: PinholeCamera,
-    placement: CameraPlacement,
-    photo: UInt8[np.ndarray, "height width 3"] | None = None,
-    guess: Tilt | None = None,
-) -> Tilt | None:
-    """The camera's tilt as given, else EXIF's, which is known, else what upright edges in the photo
-    say, else the guess; None where nothing says what the pitch is."""
-    tilt = known
-    if tilt is None and photo is not None and placement.pitch_deg is None:
-        seen = tilt_of_photo(photo, camera)
-        if seen is not None:
-            tilt = Tilt(seen.pitch_rad, seen.roll_rad, "upright edges in the photo")
-    return with_given(tilt or guess, placement.pitch_deg, placement.roll_deg)
-
-
 def viewpoint_of(
     camera: PinholeCamera, placement: CameraPlacement, tilt: Tilt | None
 ) -> tuple[Viewpoint, list[str]]:
@@ -54,7 +33,7 @@ def viewpoint_of(
     Args:
         camera: of the upright photo.
         placement: what is given of how it stood.
-        tilt: of `camera_tilt`; without one the pitch is assumed.
+        tilt: of `tilt_of_estimate`; without one the pitch is assumed.
     """
     if tilt is None:
         roll = radians(placement.roll_deg or 0.0)

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from deeplight.compose.compose import Composed, ComposeSettings, Item, compose
-from deeplight.compose.gravity import CameraPlacement, camera_tilt, viewpoint_of
+from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.trace import Progress
 from deeplight.environment import Environment
 from deeplight.estimators.estimate import load_estimator
 from deeplight.estimators.fill import Fill
 from deeplight.estimators.sun import SunHint, scene_in_sun
 from deeplight.estimators.sureness import glow_rad, soft_note
-from deeplight.estimators.upright import guessed_tilt
+from deeplight.estimators.tilt import tilt_of_estimate
 from deeplight.io.photo_like import as_photo
 
 
@@ -60,8 +60,8 @@ def compose_photo(
     opened, network = as_photo(photo), load_estimator()
     where = placement or CameraPlacement()
     estimate = network.explain(opened, where.fov_deg)
-    framing, guess = estimate.framing, guessed_tilt(estimate.heads)
-    tilt = camera_tilt(opened.tilt, framing.camera, where, opened.pixels, guess)
+    framing = estimate.framing
+    tilt, doubts = tilt_of_estimate(estimate, where.pitch_deg, where.roll_deg)
     if light is None:
         scene, found = scene_in_sun(estimate, sun, fill=fill, tilt=tilt)
         light = scene.environment
@@ -76,4 +76,4 @@ def compose_photo(
     radiance = light.radiance * np.float32(2.0**stops)
     how = settings or ComposeSettings()
     composed = compose(opened.pixels, radiance, viewpoint, items, how, framing.bottom, progress)
-    return replace(composed, notes=(*notes, *assumed, *composed.notes))
+    return replace(composed, notes=(*notes, *doubts, *assumed, *composed.notes))

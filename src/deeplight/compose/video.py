@@ -12,7 +12,7 @@ from jaxtyping import Float, Float32, UInt8
 from deeplight.compose.camera_turn import CameraTurn, named_ranges
 from deeplight.compose.compose import ComposeSettings, Item, matched, placed, scene_of
 from deeplight.compose.composite import composite
-from deeplight.compose.gravity import CameraPlacement, camera_tilt, viewpoint_of
+from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.ground import Viewpoint
 from deeplight.compose.kept_frames import KeptFrames
 from deeplight.compose.look import Look
@@ -20,7 +20,7 @@ from deeplight.compose.panned import is_near, seen_from, widened
 from deeplight.compose.scene import Scene
 from deeplight.compose.trace import Layers, Quality, trace
 from deeplight.estimators.onnx import OnnxEstimator, shipped_model
-from deeplight.estimators.upright import guessed_tilt
+from deeplight.estimators.tilt import tilt_of_estimate
 from deeplight.frames import Rotation
 from deeplight.fuse.session import CHANGED, Session
 from deeplight.io.kept_folder import made_of
@@ -133,8 +133,8 @@ def _begin(
     estimator, factor = OnnxEstimator(), np.float32(gain)
     photo = Photo(first.rgb(), video)
     estimate = estimator.explain(photo, placement.fov_deg)
-    framing, guess = estimate.framing, guessed_tilt(estimate.heads)
-    tilt = camera_tilt(photo.tilt, framing.camera, placement, photo.pixels, guess)
+    framing = estimate.framing
+    tilt, doubts = tilt_of_estimate(estimate, placement.pitch_deg, placement.roll_deg)
     viewpoint, assumed = viewpoint_of(framing.camera, placement, tilt)
     light = factor * (estimate.lighting.latlong() if given is None else given)
     solids, notes = placed(viewpoint, items, framing.bottom, photo.pixels)
@@ -149,7 +149,7 @@ def _begin(
         scene,
         matched(photo.pixels, settings),
         anchor,
-        (*estimate.notes, *assumed, *notes, *limited),
+        (*estimate.notes, *doubts, *assumed, *notes, *limited),
     )
 
 

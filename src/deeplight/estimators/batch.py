@@ -22,6 +22,7 @@ from deeplight.estimators.tilt import tilt_of_estimate
 from deeplight.formats.webxr import light_estimate_file
 from deeplight.io.atomic import results_folder
 from deeplight.io.orientation import TOOLS
+from deeplight.io.tilt import with_given
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class BatchSettings:
         seen_channel: also write what the photo shows as a channel of the .exr.
         sun: where the sun stands; None places it by EXIF data where it has both.
         fill: what to show where the photo does not look; see `estimators.fill`.
-        pitch_deg, roll_deg: of the camera, up and counter-clockwise; None takes EXIF's, else the
-            network's guess.
+        pitch_deg, roll_deg: of the camera, up and counter-clockwise; None takes EXIF's, else what
+            is seen in the photo.
 
     Raises:
         ConfigError: a value that cannot be, or options that exclude each other.
@@ -171,11 +172,13 @@ def _lit(
     """The light to write, what is known of the sun, and notes on it."""
     if settings.light_only:
         return None, None, ()
-    tilt = tilt_of_estimate(estimate, settings.pitch_deg, settings.roll_deg)
+    tilt, notes = tilt_of_estimate(estimate, settings.pitch_deg, settings.roll_deg)
+    if tilt is None:
+        tilt = with_given(None, settings.roll_deg and 0.0, settings.roll_deg)
     scene, found = scene_in_sun(estimate, settings.sun, settings.height, settings.fill, tilt)
     if found is None:
-        return scene, None, ()
-    return scene, found.sun.record(found.used), (found.note,)
+        return scene, None, notes
+    return scene, found.sun.record(found.used), (*notes, found.note)
 
 
 def _written(

@@ -106,7 +106,7 @@ def scene_light(
         estimate: of `NetworkEstimator.explain`.
         height: rows of the panorama, 64 to 2048.
         fill: what to show where the photo does not look; see `estimators.fill`.
-        tilt: the camera's; left out, EXIF's or the network's guess.
+        tilt: the camera's; left out, that of `tilt_of_estimate`.
 
     Raises:
         ConfigError: another number of rows.
@@ -115,7 +115,8 @@ def scene_light(
     pixels, fov = estimate.photo.pixels, estimate.framing.vertical_fov_rad
     height_px, width_px, _ = pixels.shape
     plane = ImagePlane.centred(height_px, width_px, fov)
-    tilt = tilt or tilt_of_estimate(estimate)
+    if tilt is None:
+        tilt, _ = tilt_of_estimate(estimate)
     return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill, tilt)
 
 

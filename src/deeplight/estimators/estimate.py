@@ -132,6 +132,7 @@ def estimate_file(
     from deeplight.estimators.confidence import warnings_of
     from deeplight.estimators.environment import HEIGHT, check_height, pixels_for
     from deeplight.estimators.sun import scene_in_sun
+    from deeplight.estimators.tilt import tilt_of_estimate
     from deeplight.io.photos import read_photo
 
     rows = height or HEIGHT
@@ -142,9 +143,10 @@ def estimate_file(
         got = f"{path} of {wide} x {high}, as panoramas are"
         raise ImageFileError("a photo", got, "name the field of view if it is a photo")
     explained = load_estimator().explain(photo, fov_deg)
-    scene, sun = scene_in_sun(explained, height=rows)
-    notes = (*warnings_of(photo.pixels), *explained.notes, *(() if sun is None else (sun.note,)))
-    return scene.environment, notes
+    tilt, doubts = tilt_of_estimate(explained)
+    scene, sun = scene_in_sun(explained, height=rows, tilt=tilt)
+    notes = (*warnings_of(photo.pixels), *explained.notes, *doubts)
+    return scene.environment, notes if sun is None else (*notes, sun.note)
 
 
 def load_estimator(model: Any = None, threads: int | None = None) -> "NetworkEstimator":

@@ -84,8 +84,10 @@ def _how_shown(tilt: Tilt | None) -> str:
     if tilt is None:
         return "centre = the view"
     where = "up" if tilt.pitch_rad > 0 else "down"
-    pitch = f"{abs(degrees(tilt.pitch_rad)):.0f} degrees {where}"
-    return f"level; the camera looks {pitch} ({tilt.source})"
+    pitch = f"{abs(degrees(tilt.pitch_rad)):.0f}"
+    if tilt.scale_rad:
+        pitch += f" ± {degrees(tilt.scale_rad):.0f}"
+    return f"level; camera {pitch} degrees {where} ({tilt.source})"
 
 
 def _turned(radiance: Float[np.ndarray, "h w 3"], turn: Rotation) -> Float[np.ndarray, "h2 w2 3"]:

@@ -9,7 +9,7 @@ from deeplight.errors import ConfigError
 from deeplight.estimators.environment import assemble
 from deeplight.estimators.fill import Fill
 from deeplight.estimators.projection import ImagePlane
-from deeplight.estimators.upright import guessed_tilt
+from deeplight.estimators.tilt import seen_tilt
 from deeplight.evaluate.models import NamedModel
 from deeplight.lighting import Lighting
 
@@ -47,9 +47,13 @@ class WithPhoto:
         pictures = levels.transpose(0, 2, 3, 1).astype(np.uint8)
         answers, lamps, heads = self._network.estimate_fully(inputs)
         lights = [Lighting.from_log_radiance(answer) for answer in answers]
+        tilts = [
+            seen_tilt(picture, self._plane, said)
+            for picture, said in zip(pictures, heads, strict=True)
+        ]
         balls = [
-            assemble(light, picture, self._plane, HEIGHT, own, self._fill, guessed_tilt(said))
-            for light, picture, own, said in zip(lights, pictures, lamps, heads, strict=True)
+            assemble(light, picture, self._plane, HEIGHT, own, self._fill, tilt)
+            for light, picture, own, tilt in zip(lights, pictures, lamps, tilts, strict=True)
         ]
         radiance = np.stack([scene.environment.lighting.radiance for scene in balls])
         return np.log(np.maximum(radiance, DARKEST)).astype(np.float32)
