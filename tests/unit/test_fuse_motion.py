@@ -177,14 +177,14 @@ def test_poses_in_other_axes_are_said_to_contradict(axes_deg: int) -> None:
 
 def test_with_poses_the_field_of_view_is_found_or_said_to_be_assumed() -> None:
     frames = [
-        replace(shown, world_from_camera=frame.rotation, pixels=shown.pixels[40:280])
+        replace(shown, world_from_camera=frame.rotation, picture=shown.pixels[40:280])
         for shown, frame in zip(source_frames(), pan().frames, strict=True)
     ]
     posed, notes = checked(frames)
     wanted = 2 * np.arctan(np.tan(FOV / 2) * 240 / 320)
     assert np.degrees((posed[0].vertical_fov_rad or 0) - wanted) == pytest.approx(0, abs=1)
     assert "unknown, found 5" in notes[0]
-    bare = [replace(frame, pixels=GREY) for frame in frames]
+    bare = [replace(frame, picture=GREY) for frame in frames]
     posed, notes = checked(bare)
     assert posed[0].vertical_fov_rad == pytest.approx(field_of_view(bare[0]))
     assert "unknown, assumed 66" in notes[0]

@@ -37,19 +37,34 @@ def blended(
     log_gain: Float[np.ndarray, "views 3"],
     trust: Float[np.ndarray, "views cells"],
     directions: Float32[np.ndarray, "height width 3"],
+    at_once: int = 2**17,
 ) -> Seen:
     """Lay all views into a panorama whose texels look along `directions`, world.
 
     Where one view clips and another, exposed for less, shows at least as much, the other's value
     counts: differently exposed views give high dynamic range. A darker value contradicts the
     clipped one (a lamp that parallax moved, a person before it), and the better placed view wins.
+
+    `at_once` is how many texels' samples, of all views, are in memory together.
     """
-    shape = directions.shape[:2]
-    directions = directions.reshape(-1, 3)
+    shape, flat = directions.shape[:2], directions.reshape(-1, 3)
+    scales = np.exp(-log_gain).astype(np.float32)
+    bands = (flat[k : k + at_once] for k in range(0, len(flat), at_once))
+    parts = [_band(views, scales, trust, band) for band in bands]
+    radiance, share, clipped = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Seen(radiance.reshape(*shape, 3), share.reshape(shape), clipped.reshape(shape))
+
+
+def _band(
+    views: Sequence[View],
+    scales: Float32[np.ndarray, "views 3"],
+    trust: Float[np.ndarray, "views cells"],
+    directions: Float32[np.ndarray, "n 3"],
+) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, " n"], Float32[np.ndarray, " n"]]:
+    """What `Seen` has, along some directions."""
     samples = [_Sampled.of(view, directions) for view in views]
     share = np.zeros(len(directions), np.float32)
     bound, bound_weight = (np.zeros((len(directions), 3), np.float32) for _ in range(2))
-    scales = np.exp(-log_gain).astype(np.float32)
     for k, one in enumerate(samples):
         one.values *= scales[k]
         share[one.at] = np.maximum(share[one.at], np.minimum(one.soft / _EDGE, 1))
@@ -66,11 +81,7 @@ def blended(
     radiance = np.where(below.weight > bound_weight, below.mean(), bound)
     radiance = np.where(above.weight > 0, above.mean(), radiance)
     clipped_all = (above.weight == 0) & (bound_weight >= below.weight) & (bound > 0)
-    return Seen(
-        radiance.reshape(*shape, 3),
-        share.reshape(shape),
-        clipped_all.mean(-1, dtype=np.float32).reshape(shape),
-    )
+    return radiance, share, clipped_all.mean(-1, dtype=np.float32)
 
 
 class _Mean:

@@ -12,6 +12,7 @@ from deeplight.frames import Rotation
 from deeplight.fuse.track import WORKING_SIDE
 from deeplight.io.exif import ExifDirectories, number
 from deeplight.io.photos import Photo
+from deeplight.io.pictures_aside import PictureAside
 from deeplight.preprocess import frame_photo
 
 _SAME_RAD = math.radians(1)  # a field of view given that is off by less is not worth a word
@@ -23,7 +24,7 @@ class SourceFrame:
 
     Attributes:
         name: what it is called in messages.
-        pixels: upright, at most `WORKING_SIDE` on its longer side.
+        picture: upright, at most `WORKING_SIDE` on its longer side; `pixels` in memory.
         number: in its clip, or in the list of photos.
         time_s: in its clip; 0 for photos.
         vertical_fov_rad: if its file says; None if not.
@@ -34,7 +35,7 @@ class SourceFrame:
     """
 
     name: str
-    pixels: UInt8[np.ndarray, "height width 3"]
+    picture: UInt8[np.ndarray, "height width 3"] | PictureAside
     number: int
     time_s: float = 0.0
     vertical_fov_rad: float | None = None
@@ -42,6 +43,11 @@ class SourceFrame:
     world_from_camera: Rotation | None = None
     notes: tuple[str, ...] = ()
     up: Float[np.ndarray, "3"] | None = None
+
+    @property
+    def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
+        """The picture, read from the disk where it was put aside."""
+        return np.asarray(self.picture)
 
 
 def frame_of(photo: Photo, name: str, number: int, time_s: float = 0.0) -> SourceFrame:
@@ -82,9 +88,9 @@ def with_fields_of_view(
         first = 0
     if fov_rad is None:
         return list(frames)
-    shape = frames[first].pixels.shape
+    shape = frames[first].picture.shape
     longer = max(shape) / shape[0]
-    alike = [scaled(fov_rad, longer * len(f.pixels) / max(f.pixels.shape)) for f in frames]
+    alike = [scaled(fov_rad, longer * f.picture.shape[0] / max(f.picture.shape)) for f in frames]
     used = [said or same for said, same in zip(own, alike, strict=True)]
     notes = _overruled(frames, used)
     return [
@@ -109,7 +115,7 @@ def _overruled(frames: Sequence[SourceFrame], used_rad: Sequence[float]) -> tupl
 
 def field_of_view(frame: SourceFrame) -> float:
     """The vertical field of view that a frame's file says, else the assumed one."""
-    return frame.vertical_fov_rad or frame_photo(*frame.pixels.shape[:2]).vertical_fov_rad
+    return frame.vertical_fov_rad or frame_photo(*frame.picture.shape[:2]).vertical_fov_rad
 
 
 def scaled(fov_rad: float, factor: float) -> float:

@@ -226,7 +226,7 @@ def _tracked(
         places = (int(place) for place in held["places"])
         turns = dict(zip(places, held["rotations"], strict=True))
         return Tracked(turns, *(float(held[name]) for name in ("scale", "residual", "zoom")))
-    found = track([frame.pixels for frame in frames], fovs, known)
+    found = track((frame.pixels for frame in frames), fovs, known)
     if kept is not None and found.rotations:
         kept.keep(
             "tracked",

@@ -13,6 +13,7 @@ from deeplight.fuse.panorama_photo import is_panorama, panorama_frames, panorama
 from deeplight.fuse.poses import Poses, angle_between
 from deeplight.io.kept_folder import KeptFolder
 from deeplight.io.photos import Photo, read_photo
+from deeplight.io.pictures_aside import PicturesAside
 from deeplight.io.video import is_video, video_frames
 
 MOST_FRAMES = 160
@@ -46,7 +47,10 @@ def read_frames(
         raise ConfigError("one clip, or photos", f"{len(paths)} files", "fuse them one by one")
     if clips:
         (clip,) = clips
-        return thinned(clip_frames(clip, kept, workers)) if poses is None else _posed(clip, poses)
+        if poses is not None:
+            return _posed(clip, poses)
+        folder = None if kept is None else kept.folder
+        return thinned(clip_frames(clip, kept, workers), folder)
     found: list[SourceFrame] = []
     number = 0
     for path in paths:
@@ -84,13 +88,15 @@ def _has_turns(frames: Sequence[SourceFrame]) -> bool:
     return any(frame.world_from_camera is not None for frame in frames)
 
 
-def thinned(source: Iterator[SourceFrame]) -> list[SourceFrame]:
-    """At most `MOST_FRAMES`, evenly spread: memory does not grow with the clip."""
+def thinned(source: Iterator[SourceFrame], folder: Path | None = None) -> list[SourceFrame]:
+    """At most `MOST_FRAMES`, evenly spread, their pictures put aside on a folder's disk: memory
+    does not grow with the clip."""
     frames: list[SourceFrame] = []
+    aside = PicturesAside(folder)
     step = 1
     for count, frame in enumerate(source):
         if count % step == 0:
-            frames.append(frame)
+            frames.append(replace(frame, picture=aside.add(frame.pixels)))
         if len(frames) > MOST_FRAMES:
             frames, step = frames[::2], 2 * step
     return frames

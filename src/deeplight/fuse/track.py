@@ -6,13 +6,13 @@ focal length and how far the camera strayed are solved together over all matches
 with last where a turn closes, so that drift is spread and gone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import radians, tan
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Float32, UInt8
 
 from deeplight.frames import Rotation, normalised
 from deeplight.fuse.adjust import Free, Pair, adjusted, rays_of
@@ -60,14 +60,23 @@ class Tracked:
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """Points of one picture on the plane at distance 1, at the field of view assumed, and words."""
+    """Points of one picture on the plane at distance 1, at the field of view assumed, and words.
+
+    Those of all pictures are in memory together, so words are bytes, as SIFT makes them.
+    """
 
     plane: Float[np.ndarray, "n 2"]
-    words: Float[np.ndarray, "n 128"]
+    words: UInt8[np.ndarray, "n 128"]
+
+    @property
+    def unit_words(self) -> Float32[np.ndarray, "n 128"]:
+        """Roots of the words' shares (Arandjelovic 2012): their products are likenesses."""
+        total = np.maximum(self.words.sum(1, keepdims=True, dtype=np.float32), 1e-9)
+        return np.sqrt(self.words / total)
 
 
 def track(
-    pictures: Sequence[UInt8[np.ndarray, "_ _ 3"]],
+    pictures: Iterable[UInt8[np.ndarray, "_ _ 3"]],
     vertical_fovs_rad: Sequence[float],
     fov_known: bool,
 ) -> Tracked:
@@ -85,7 +94,7 @@ def track(
         features_of(picture, tan(fov / 2))
         for picture, fov in zip(pictures, vertical_fovs_rad, strict=True)
     ]
-    count = len(pictures)
+    count = len(features)
     tried = {(k, j) for j in range(count) for k in range(max(0, j - _AHEAD), j)}
     pairs = _all_matched(features, sorted(tried))
     rotations, _, _ = _solved(pairs, count, fov_known, strays=False)
@@ -129,12 +138,11 @@ def features_of(
         grey = cv2.convertScaleAbs(grey, alpha=_BRIGHT / bright)
     points, words = cv2.SIFT.create(most, contrastThreshold=_CONTRAST).detectAndCompute(grey, None)
     if words is None or len(words) < 2:
-        return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
+        return Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
     at = np.array([point.pt for point in points])
     height, width = grey.shape
     plane = (at + 0.5 - [width / 2, height / 2]) * [1, -1] * (2 * half_height / height)
-    roots = np.sqrt(words / np.maximum(words.sum(1, keepdims=True), 1e-9))  # Arandjelovic 2012
-    return Features(plane, roots.astype(np.float32))
+    return Features(plane, words.astype(np.uint8))
 
 
 def _all_matched(features: list[Features], tried: Sequence[tuple[int, int]]) -> list[Pair]:
@@ -186,7 +194,7 @@ def matched(
     a, b = features[first], features[second]
     if min(len(a.plane), len(b.plane)) < FEWEST:
         return None
-    likeness = a.words @ b.words.T
+    likeness = a.unit_words @ b.unit_words.T
     best = likeness.argmax(1)
     rows = np.arange(len(best))
     top = likeness[rows, best]
