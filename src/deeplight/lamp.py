@@ -130,11 +130,15 @@ def _coverage(lamp: Lamp, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
     rows, columns = np.nonzero(band @ lamp.direction.astype(np.float32) > np.cos(reach))
     rows += max(top, 0)
     steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    theta = (rows[:, None] + steps) * texel
-    phi = (columns[:, None] + steps) * texel - np.pi
-    sine, x, y, z = np.sin(theta), *lamp.direction
-    across = x * np.sin(phi) - z * np.cos(phi)
-    cosine = sine[:, :, None] * across[:, None, :] + (np.cos(theta) * y)[:, :, None]
+    # Sines and cosines once for each row and each column.
+    own_rows, row = np.unique(rows, return_inverse=True)
+    own_columns, column = np.unique(columns, return_inverse=True)
+    theta = (own_rows[:, None] + steps) * texel
+    phi = (own_columns[:, None] + steps) * texel - np.pi
+    x, y, z = lamp.direction
+    across = (x * np.sin(phi) - z * np.cos(phi))[column]
+    cosine = np.sin(theta)[row][:, :, None] * across[:, None, :]
+    cosine += (np.cos(theta) * y)[row][:, :, None]
     cover = (cosine > np.cos(lamp.angular_radius_rad)).mean((1, 2))
     if not cover.any():  # smaller than the samples' spacing: all of it in the texel it lies in
         row, column = latlong.position(lamp.direction[None], height, width)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from deeplight.estimators.projection import ProjectedPhoto, smoothstep
-from deeplight.estimators.surroundings import enlarged, power_of
+from deeplight.estimators.surroundings import enlarged, power_of, times
 from deeplight.frames import VIEW, normalised
 from deeplight.io.tilt import Tilt
 from deeplight.mappings import latlong
@@ -94,10 +94,12 @@ def continued(
     factor -= back
     factor *= ((1 + ahead) / 2) ** 2
     factor += back
-    result = surroundings * np.moveaxis(np.exp(factor, out=factor), 0, -1)
+    np.exp(factor, out=factor)
+    result = surroundings * np.ascontiguousarray(np.moveaxis(factor, 0, -1))
     unseen = 1 - enlarged(photo.seen_in_64_rows[..., None], height)
+    unseen = unseen.repeat(3, axis=2)
     gain = power_of(surroundings * unseen) / np.maximum(power_of(result * unseen), 1e-30)
-    return result * gain.astype(np.float32)
+    return times(result, gain)
 
 
 def _change(

@@ -91,7 +91,7 @@ def lobe_of(lighting: Lighting, lamp: Lamp) -> Excess:
     """Take out of an estimate one of the network's own lamps, which the estimate holds."""
     lobe = lobe_on_ball(lamp, lighting.size).reshape(-1, 3)
     lobe = np.minimum(lobe, lighting.radiance.reshape(-1, 3))
-    lobe[lobe.max(1) < _LOBE_END * lobe.max()] = 0
+    lobe[brightest(lobe) < _LOBE_END * lobe.max()] = 0
     return _taken_out(lighting, lobe, min(lamp.angular_radius_rad, OWN_RADIUS_RAD))
 
 
@@ -99,7 +99,7 @@ def _taken_out(
     lighting: Lighting, radiance: Float[np.ndarray, "pixels 3"], radius_rad: float
 ) -> Excess:
     rest = Lighting(lighting.radiance - radiance.reshape(lighting.radiance.shape))
-    pixels = np.flatnonzero(radiance.max(1) > 0)
+    pixels = np.flatnonzero(brightest(radiance) > 0)
     directions = mirror_ball.pixel_directions(lighting.size).reshape(-1, 3)[pixels]
     solid_angle = mirror_ball.solid_angles(lighting.size).reshape(-1, 1)[pixels]
     flux = (radiance[pixels] * solid_angle).astype(np.float32)

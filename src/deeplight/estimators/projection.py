@@ -5,7 +5,7 @@ from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
-from jaxtyping import Float32, Int, UInt8
+from jaxtyping import Float, Float32, Int, UInt8
 
 from deeplight.area_means import mean_over_squares
 from deeplight.camera import PinholeCamera
@@ -80,12 +80,14 @@ class ProjectedPhoto:
     @cached_property
     def seen_in_64_rows(self) -> Float32[np.ndarray, "64 128"]:
         """How much is seen of each of fewer texels."""
-        height, width = self.seen.shape
+        height = len(self.seen)
         if height % 64:
             return resample.shrink(self.seen[..., None], 64, 128)[..., 0]
-        rows = self.seen.reshape(64, height // 64, width).mean(1)
-        result: np.ndarray = rows.reshape(64, 128, width // 128).mean(2)
-        return result
+        step = height // 64
+        # Sums of strided parts: numpy's mean along a few numbers takes ten times as long.
+        rows = np.sum([self.seen[start::step] for start in range(step)], axis=0)
+        result: np.ndarray = np.sum([rows[:, start::step] for start in range(step)], axis=0)
+        return result / np.float32(step**2)
 
 
 def project_photo(
@@ -233,7 +235,7 @@ def smoothstep(t: np.ndarray) -> np.ndarray:
     return result
 
 
-def brightest(values: Float32[np.ndarray, "*shape 3"]) -> Float32[np.ndarray, "*shape"]:
+def brightest(values: Float[np.ndarray, "*shape 3"]) -> Float[np.ndarray, "*shape"]:
     """The largest of the three channels; numpy's own `max(-1)` takes twenty times as long."""
     result: np.ndarray = np.maximum(np.maximum(values[..., 0], values[..., 1]), values[..., 2])
     return result

@@ -107,7 +107,15 @@ def kept_power(
 ) -> Float32[np.ndarray, "height width 3"]:
     """The panorama times what brings each channel's sum over the sphere to `power`."""
     factor = power / np.maximum(power_of(radiance), 1e-30)
-    return radiance * factor.astype(np.float32)
+    return times(radiance, factor)
+
+
+def times(
+    radiance: Float32[np.ndarray, "height width 3"], factor: Float[np.ndarray, "3"]
+) -> Float32[np.ndarray, "height width 3"]:
+    """A panorama times one number per channel, by whole rows: numpy is slow by threes."""
+    row = np.tile(factor.astype(np.float32), radiance.shape[1])
+    return (radiance.reshape(-1, row.size) * row).reshape(radiance.shape)
 
 
 def adapted(
@@ -143,9 +151,11 @@ def adapted(
     # Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
     factor = np.where(mean < 0, 1 - fade * (1 - np.exp(mean)), np.exp(fade * mean))
     result = surroundings.copy()
+    texels, (row, column) = result.reshape(-1, 3), np.divmod(reach.near, part[1])
     for turn, (down, across) in enumerate(turns):
-        at_row, at_column = np.divmod(reach.near, part[1])
-        result[::down, ::across][at_row, at_column] *= factor[:, turn]
+        at_row = row if down > 0 else rows - 1 - row
+        at_column = column if across > 0 else columns - 1 - column
+        texels[at_row * columns + at_column] *= factor[:, turn]
     return result
 
 
