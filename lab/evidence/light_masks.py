@@ -37,6 +37,7 @@ HEAD = (
     "|---|---|---|---|---|---|---|---|---|---|"
 )
 Texels = Float[np.ndarray, "rows columns"]
+Mask = Bool[np.ndarray, "rows columns"]
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Args:
     """Of each panorama."""
 
 
-def lights_of(luminance: Texels) -> Bool[np.ndarray, "rows columns"]:
+def lights_of(luminance: Texels) -> Mask:
     """The brightest texels, which together hold half of the power."""
     power = (luminance * latlong.solid_angles(*luminance.shape)).ravel()
     order = np.argsort(-luminance.ravel(), kind="stable")
@@ -61,11 +62,16 @@ def lights_of(luminance: Texels) -> Bool[np.ndarray, "rows columns"]:
     return lights.reshape(luminance.shape)
 
 
-def found(answer: Texels, lights: Bool[np.ndarray, "rows columns"]) -> tuple[float, float]:
-    """Recall within the answer's brightest texels, as large as the lights; average precision."""
+def found(answer: Texels, lights: Mask) -> tuple[float, float]:
+    """Recall within the answer's brightest texels, as large as the lights; average precision.
+
+    Both NaN where there are no lights.
+    """
     solid = latlong.solid_angles(*answer.shape).ravel()
     order = np.argsort(-answer.ravel(), kind="stable")
     taken, right = np.cumsum(solid[order]), np.cumsum((solid * lights.ravel())[order])
+    if right[-1] == 0:
+        return float("nan"), float("nan")
     recall = np.interp(right[-1], taken, right) / right[-1]
     precision = right / taken
     average = float((precision * np.diff(right, prepend=0.0)).sum() / right[-1])
@@ -124,15 +130,36 @@ class Scores:
 
     @classmethod
     def of(
-        cls, answers: Sequence[Texels], true: Sequence[Texels], others: Int[np.ndarray, " n"]
+        cls,
+        answers: Sequence[Texels],
+        true: Sequence[Texels],
+        others: Int[np.ndarray, " n"],
+        beyond: Sequence[Mask] | None = None,
     ) -> "Scores":
-        """Answers held against the truth; `others` numbers the answer that is a view's chance."""
+        """Answers held against the truth.
+
+        Args:
+            others: numbers the answer that is each view's chance.
+            beyond: texels that each photo does not show: only lights there are looked for, only
+                there; and the azimuth only where that is most of the lights.
+        """
         towards, wanted = (np.array([azimuth_deg(x) for x in some]) for some in (answers, true))
         apart = [np.abs((some - wanted + 180) % 360 - 180) for some in (towards, towards[others])]
         lights = [lights_of(light) for light in true]
-        own = [found(*both) for both in zip(answers, lights, strict=True)]
-        chance = [found(answers[n], mask) for n, mask in zip(others, lights, strict=True)]
-        return cls((apart[0], apart[1]), (np.array(own), np.array(chance)))
+        within = [np.ones_like(mask) for mask in lights] if beyond is None else beyond
+        parts = [mask & part for mask, part in zip(lights, within, strict=True)]
+        shown = [2 * part.sum() < mask.sum() for part, mask in zip(parts, lights, strict=True)]
+        own, chance = (
+            np.array(
+                [
+                    found(np.where(part, answers[n], -np.inf), mask)
+                    for n, part, mask in zip(of, within, parts, strict=True)
+                ]
+            )
+            for of in (range(len(true)), others)
+        )
+        off, off_chance = (np.where(shown, np.nan, some) for some in apart)
+        return cls((off, off_chance), (own, chance))
 
 
 def line(
@@ -140,12 +167,13 @@ def line(
 ) -> str:
     """A line of the table, of the chosen views (all)."""
     mask = np.ones(len(places), bool) if chosen is None else chosen
-    draws, cells = PlaceBootstrap(places[mask]), [f"{mask.sum()}"]
+    draws = PlaceBootstrap(places[mask])
+    cells = [f"{np.isfinite(scores.found[0][mask, 0]).sum()}"]
     cells += [f"{interval(draws.median(off[mask]), 0)}°" for off in scores.off_deg]
     own, chance = (some[mask] for some in scores.found)
     for mine, theirs in zip(own.T, chance.T, strict=True):
         more = interval(draws.difference(mine, theirs), 2)
-        cells += [f"{mine.mean():.2f}", f"{theirs.mean():.2f}", more]
+        cells += [f"{np.nanmean(mine):.2f}", f"{np.nanmean(theirs):.2f}", more]
     return f"| {name} | {' | '.join(cells)} |"
 
 
