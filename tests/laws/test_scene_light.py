@@ -212,6 +212,22 @@ def test_far_from_the_photo_the_map_is_the_estimates(estimate):
     assert not np.allclose(changed, plain, rtol=0.05)
 
 
+@pytest.mark.parametrize(("widths", "least"), [(1, 0.25), (2, 0.45), (3, 0.6)])
+def test_a_dark_thing_in_a_corner_is_no_dark_cloud_outside(widths, least):
+    """Beyond the photo it fades within about its own width, and nothing is darker than it."""
+    plain = np.full((96, 192, 3), 0.3, np.float32)
+    pixels = np.full((200, 120, 3), 0.3 ** (1 / 2.2), np.float32)
+    pixels[:20, -20:] = 0.05
+    plane = plane_of(pixels)
+    changed = adapted(plain, pixels, plane)
+    away = widths * plane.shorter / 6 / np.sqrt(2)
+    beyond = normalised(np.array([[plane.right + away, plane.top + away, -1.0]]))
+    (found,) = resample.sample_latlong(changed, beyond)
+    assert least < found.min() / 0.3 < 0.9
+    assert changed.min() > 0.05**2.2
+    assert changed.max() < 0.3001
+
+
 def test_a_clipped_spot_becomes_the_lamp(estimate):
     """The estimate's light lies near it, so there it is, as large as it shows."""
     directions = mirror_ball.pixel_directions(32)

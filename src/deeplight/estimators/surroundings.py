@@ -125,8 +125,10 @@ def adapted(
 ) -> Float32[np.ndarray, "height width 3"]:
     """The map brought to what the photo shows at its edge, less and less away from it.
 
-    The ratio of photo and map along the edge is interpolated in logarithms with weights that fall
-    with the angle (Shepard 1968), so that near the edge it is the edge's own.
+    The ratio of photo and map along the edge is interpolated with weights that fall with the angle
+    (Shepard 1968), so that near the edge it is the edge's own. Of its geometric and its arithmetic
+    mean the one counts that changes the map less: a small dark thing in the photo's corner is no
+    dark cloud outside, a small bright one no halo.
     """
     encoded = mean_over_squares(pixels, min(pixels.shape[:2]) / _RING_CELLS, at_least=3)
     ring = _ring(*encoded.shape[:2])
@@ -142,14 +144,16 @@ def adapted(
     turns = _mirrored(plane)
     part = rows // (2 if (-1, 1) in turns else 1), columns // (2 if (1, -1) in turns else 1)
     reach = _reach(plane, ring.shape, (rows, columns), part)
-    ratios = np.concatenate([ratio[::down, ::across][ring] for down, across in turns], axis=1)
+    logs = np.concatenate([ratio[::down, ::across][ring] for down, across in turns], axis=1)
+    ratios = np.concatenate([logs, np.exp(logs)], axis=1)
     # By parts too small for BLAS to wake its threads: they wait for more in a busy loop.
     parts = range(0, len(reach.near), BLAS_ALONE // ratios.size)
     means = [reach.weight[at : at + parts.step] @ ratios for at in parts]
-    mean = np.concatenate(means).reshape(-1, len(turns), 3)
+    log_mean, mean = np.moveaxis(np.concatenate(means).reshape(-1, 2, len(turns), 3), 1, 0)
     fade = reach.fade[:, None, None]
-    # Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
-    factor = np.where(mean < 0, 1 - fade * (1 - np.exp(mean)), np.exp(fade * mean))
+    # Of two ways to fade, too, the one that reaches less far, for brighter and for darker.
+    factor = np.exp(fade * np.maximum(log_mean, 0))
+    factor *= 1 - fade * np.maximum(1 - mean, 0)
     result = surroundings.copy()
     texels, (row, column) = result.reshape(-1, 3), np.divmod(reach.near, part[1])
     for turn, (down, across) in enumerate(turns):

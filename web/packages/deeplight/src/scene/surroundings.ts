@@ -147,7 +147,8 @@ interface Edge {
 
 /**
  * The map brought to what the photo shows at its edge, less and less away from it: the ratio of the
- * two along the edge, interpolated in logarithms with weights that fall with the angle (Shepard 1968).
+ * two along the edge, interpolated with weights that fall with the angle (Shepard 1968), as the one of
+ * its geometric and its arithmetic mean that changes the map less.
  */
 export function adapted(map: Float32Array, rows: number, photo: PlacedPhoto): Float32Array {
   const edge = edgeOf(map, rows, photo);
@@ -167,29 +168,34 @@ export function adapted(map: Float32Array, rows: number, photo: PlacedPhoto): Fl
   for (let i = 0; i < texels.length; i += 3) {
     const texel: Vector3 = [texels[i]!, texels[i + 1]!, texels[i + 2]!];
     if (!(dot(texel, middle) > farthest)) continue;
-    const { mean, away } = meanRatio(edge, texel, softness);
+    const { logs, mean, away } = meanRatio(edge, texel, softness);
     const fade = smoothstep(1 - away / REACH_RAD) ** 2;
     for (let c = 0; c < 3; c++) {
-      // Of the two ways to fade a ratio the one that reaches less far, for darker and for brighter.
-      const ln = mean[c]!;
-      result[i + c]! *= ln < 0 ? 1 - fade * (1 - Math.exp(ln)) : Math.exp(fade * ln);
+      // Of two ways to fade, too, the one that reaches less far, for brighter and for darker.
+      result[i + c]! *=
+        Math.exp(fade * Math.max(logs[c]!, 0)) * (1 - fade * Math.max(1 - mean[c]!, 0));
     }
   }
   return result;
 }
 
 function meanRatio({ directions, ratio }: Edge, texel: Vector3, softness: number) {
-  const mean: [number, number, number] = [0, 0, 0];
+  const logs = [0, 0, 0];
+  const mean = [0, 0, 0];
   let [whole, nearest] = [0, 4];
   directions.forEach((direction, k) => {
     const squared = 2 - 2 * Math.min(Math.max(dot(texel, direction), -1), 1);
     nearest = Math.min(nearest, squared);
     const weight = 1 / (squared + softness) ** 1.5;
     whole += weight;
-    for (const c of [0, 1, 2] as const) mean[c] += weight * ratio[3 * k + c]!;
+    for (const c of [0, 1, 2]) {
+      logs[c]! += weight * ratio[3 * k + c]!;
+      mean[c]! += weight * Math.exp(ratio[3 * k + c]!);
+    }
   });
   const away = 2 * Math.asin(Math.sqrt(nearest) / 2);
-  return { mean: mean.map((sum) => sum / whole), away };
+  const over = (sums: number[]) => sums.map((sum) => sum / whole);
+  return { logs: over(logs), mean: over(mean), away };
 }
 
 function edgeOf(map: Float32Array, rows: number, photo: PlacedPhoto): Edge {
