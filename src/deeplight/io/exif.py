@@ -40,6 +40,7 @@ class Exif:
         original_width: PixelXDimension, the stored width when the resolution was written.
         is_adobe_rgb: the camera was set to Adobe RGB (DCF's optional colour space, "R03").
         camera: make and model, see `camera_name`.
+        directories: all that was read; None where not all was.
     """
 
     orientation: int = 1
@@ -50,6 +51,7 @@ class Exif:
     original_width: int = 0
     is_adobe_rgb: bool = False
     camera: str = ""
+    directories: "ExifDirectories | None" = field(default=None, repr=False, compare=False)
 
     def focal_length_px(self, stored_width: int, stored_height: int) -> float | None:
         """Give the focal length in pixels of the stored picture, None where EXIF does not say.
@@ -157,6 +159,15 @@ def _directories(tags: Image.Exif) -> ExifDirectories:
     return ExifDirectories(dict(tags), entries_of(tags, CAMERA), entries_of(tags, GPS))
 
 
+def _all_of(tags: Image.Exif) -> ExifDirectories | None:
+    """All directories; None if an entry nobody asked for cannot be read."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return _directories(tags)
+    except Exception:  # as above
+        return None
+
+
 def entries_of(tags: Image.Exif, directory: int) -> dict[int, Any]:
     """The entries of one directory; none if it cannot be read."""
     try:
@@ -189,6 +200,7 @@ def exif_of_pillow(load: Callable[[], Image.Exif]) -> Exif:
         original_width=int(number(camera.get(0xA002)) or 0),
         is_adobe_rgb=interoperability.startswith("R03"),
         camera=camera_name(tags.get(MAKE), tags.get(MODEL)),
+        directories=_all_of(tags),
     )
 
 

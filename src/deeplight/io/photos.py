@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -42,6 +42,7 @@ class Photo:
         notes: what reading had to decide, one short line each, to be shown to the user.
         reduced_from: height and width of the upright photo in its file, where `pixels` are fewer.
         camera: make and model as EXIF has them (`exif.camera_name`), empty where it does not say.
+        read_exif: what was read of its file with its pixels, if all was.
     """
 
     pixels: UInt8[np.ndarray, "height width 3"]
@@ -50,6 +51,7 @@ class Photo:
     notes: tuple[str, ...] = ()
     reduced_from: tuple[int, int] | None = None
     camera: str = ""
+    read_exif: ExifDirectories | None = field(default=None, repr=False)
 
     @property
     def full_size(self) -> tuple[int, int]:
@@ -60,7 +62,9 @@ class Photo:
     @cached_property
     def exif(self) -> ExifDirectories:
         """All that its file says of how it was taken, read once; nothing of pixels from memory."""
-        return ExifDirectories() if self.source is None else exif_directories(self.source)
+        if self.source is None:
+            return ExifDirectories()
+        return self.read_exif or exif_directories(self.source)
 
     @cached_property
     def tilt(self) -> Tilt | None:
@@ -133,6 +137,7 @@ def _upright(
         notes=stored.notes,
         reduced_from=reduced_from,
         camera=stored.exif.camera,
+        read_exif=stored.exif.directories,
     )
 
 
