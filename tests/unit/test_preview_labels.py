@@ -8,8 +8,12 @@ from PIL import Image, ImageDraw
 
 from deeplight.estimators.preview import (
     ACCENT,
+    CAPTION,
     LIGHT_SIZE,
+    TITLE,
+    _font,
     _free,
+    _how_shown,
     _overlap,
     _turned,
     mark_lamps,
@@ -44,6 +48,14 @@ def test_no_label_covers_a_ring():
         (row,), (column,) = latlong.position(lamp.direction[None], LIGHT_SIZE[1], LIGHT_SIZE[0])
         angle = np.arctan2(y - row - 50, x - column)[np.hypot(y - row - 50, x - column) < 15]
         assert len(np.unique(np.round(angle * 4))) > 22  # all around, of 26
+
+
+@pytest.mark.parametrize("source", ["upright edges and the network's guess", "EXIF acceleration"])
+def test_how_the_panorama_is_shown_fits_next_to_its_title(source):
+    caption = _how_shown(Tilt(-0.75, 0.1, source, 0.5))
+    assert f"43 ± 29° down ({source})" in caption
+    widths = [_font(size).getlength(text) for size, text in ((22, TITLE), (CAPTION, caption))]
+    assert sum(widths) + 24 < LIGHT_SIZE[0]
 
 
 def test_a_label_alone_stays_where_it_is():

@@ -35,6 +35,7 @@ LABEL_GAP = 14
 LINE, COLUMNS = 24, (92, 200)
 """Of what is said of how sure the estimate is: pixels from line to line, and to the columns."""
 KNOWN = ("roughly known",)
+TITLE, CAPTION = "its light from all directions", 14
 Box = tuple[float, float, float, float]  # left, upper, right, lower
 
 PAPER, INK, FAINT, ACCENT = (20, 22, 26), (236, 238, 242), (146, 152, 162), (255, 196, 61)
@@ -65,8 +66,8 @@ def preview(
     draw.text((MARGIN, 24), _shortened(title, 40), INK, _font(22))
     below_photo = _draw_photo(canvas, estimate.photo, estimate.framing)
     _say_how_sure(draw, confidence[:4], below_photo)
-    draw.text((left, 24), "its light from all directions", INK, _font(22))
-    draw.text((WIDTH - MARGIN, 28), _how_shown(tilt), FAINT, _font(16), anchor="ra")
+    draw.text((left, 24), TITLE, INK, _font(22))
+    draw.text((WIDTH - MARGIN, 30), _how_shown(tilt), FAINT, _font(CAPTION), anchor="ra")
     turn = tilt.level_from_camera if tilt else np.eye(3)
     shown = _turned(environment.radiance, turn) if tilt else environment.radiance
     canvas.paste(_tone_mapped(shown, 0.0, LIGHT_SIZE), (left, 64))
@@ -87,7 +88,7 @@ def _how_shown(tilt: Tilt | None) -> str:
     pitch = f"{abs(degrees(tilt.pitch_rad)):.0f}"
     if tilt.scale_rad:
         pitch += f" ± {degrees(tilt.scale_rad):.0f}"
-    return f"level; camera {pitch} degrees {where} ({tilt.source})"
+    return f"level; camera {pitch}° {where} ({tilt.source})"
 
 
 def _turned(radiance: Float[np.ndarray, "h w 3"], turn: Rotation) -> Float[np.ndarray, "h2 w2 3"]:
