@@ -175,40 +175,52 @@ def clipped_areas(clipped: Float32[np.ndarray, "height width"], most: int = 8) -
 
 
 def _connected(mask: Bool[np.ndarray, "height width"]) -> Int[np.ndarray, "height width"]:
-    """Number the connected parts of a mask; -1 outside.
+    """Number the connected parts of a mask by the first pixel of each; -1 outside.
 
-    The smallest number spreads along whole runs at once, so a few rounds do.
+    A row's runs are few. Those that touch take the smaller of their numbers, and each then its
+    number's own, so a few rounds do.
     """
     height, width = mask.shape
-    outside = height * width
-    labels = np.where(mask, np.arange(outside).reshape(height, width), outside)
+    edge = np.diff(np.pad(mask.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    row, start = np.nonzero(edge > 0)
+    end = np.nonzero(edge < 0)[1]
+    one, other = _touching(row * (width + 2) + start, row * (width + 2) + end, width + 2)
+    label = np.arange(len(row))
     while True:
-        before = labels
-        around = np.pad(labels, 1, constant_values=outside)
-        for row in range(3):
-            for column in range(3):
-                window = around[row : row + height, column : column + width]
-                labels = np.minimum(labels, window)
-        labels = np.where(mask, labels, outside)
-        for axis in (0, 1):
-            labels = _along_runs(_along_runs(labels, mask, axis), mask, axis, backwards=True)
-        if np.array_equal(labels, before):
-            return np.where(mask, labels, -1)
+        before = label.copy()
+        least = np.minimum(label[one], label[other])
+        np.minimum.at(label, one, least)
+        np.minimum.at(label, other, least)
+        label = label[label]
+        if np.array_equal(label, before):
+            break
+    first, length = row * width + start, end - start
+    result = np.full(mask.size, -1)
+    result[_counted(first, length)] = first[label].repeat(length)
+    return result.reshape(height, width)
 
 
-def _along_runs(
-    labels: np.ndarray, mask: np.ndarray, axis: int, backwards: bool = False
-) -> np.ndarray:
-    """The smallest label so far within each run of the mask along an axis."""
-    if backwards:
-        return np.flip(_along_runs(np.flip(labels, axis), np.flip(mask, axis), axis), axis)
-    values, on = (labels.T, mask.T) if axis == 0 else (labels, mask)
-    # Each run gets an offset below all runs before it, so one running minimum serves all of them.
-    runs = np.cumsum(~on, axis=1)
-    span = labels.size + 1
-    least = np.minimum.accumulate(np.where(on, values, span) - runs * span, axis=1) + runs * span
-    result = np.where(on, least, values)
-    return result.T if axis == 0 else result
+def _touching(
+    start: Int[np.ndarray, " runs"], end: Int[np.ndarray, " runs"], row: int
+) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
+    """Pairs of runs, by number, in a row and the next one, that touch; corners do, too.
+
+    Args:
+        start: first pixel of each, counted through all rows.
+        end: one behind the last.
+        row: pixels of one, with at least one of none at its end.
+    """
+    first = np.searchsorted(end, start + row)
+    count = np.searchsorted(start, end + row, "right") - first
+    return np.arange(len(start)).repeat(count), _counted(first, count)
+
+
+def _counted(
+    first: Int[np.ndarray, " runs"], count: Int[np.ndarray, " runs"]
+) -> Int[np.ndarray, " all"]:
+    """Whole numbers from each first one on, one run after the other."""
+    ends = count.cumsum()
+    return np.arange(ends[-1] if len(ends) else 0) + (first - ends + count).repeat(count)
 
 
 @dataclass(frozen=True, eq=False)

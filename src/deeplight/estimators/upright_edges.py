@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 from PIL import Image
 
+from deeplight.banded import BLAS_ALONE
 from deeplight.estimators.projection import ImagePlane
 from deeplight.frames import world_from_camera
 from deeplight.io.tilt import Tilt
@@ -54,14 +55,21 @@ class Edges:
 
     def agreement(self) -> Float[np.ndarray, "pitches rolls"]:
         """How much of the edges runs along the vertical of each tilt."""
-        y, ups = self.place[:, 1], _ups()
+        ups = _ups()
         # Seen at (x, y), a step up moves by (right + x back, up + y back) on the plane.
-        to_side = np.stack([*self.across.T, (self.across * self.place).sum(1)], axis=1) @ ups
-        upwards = ups[1] + y[:, None] * ups[2]
-        upwards *= (np.sin(_AGREES_RAD) / np.abs(self.across[:, 0]))[:, None]
-        off = np.divide(to_side, upwards, out=to_side, where=upwards != 0)
-        near = np.maximum(1 - off * off, 0)
-        found: np.ndarray = self.weight @ (near * near)
+        across = np.stack([*self.across.T, (self.across * self.place).sum(1)], axis=1)
+        along = np.stack([np.ones_like(self.weight), self.place[:, 1]], axis=1)
+        along *= np.float32(np.sin(_AGREES_RAD)) / np.abs(self.across[:, :1])
+        found = np.zeros(ups.shape[1], np.float32)
+        several = BLAS_ALONE // ups.size  # edges: what they give stays near the processor
+        for first in range(0, len(across), several):
+            some = slice(first, first + several)
+            off, upwards = across[some] @ ups, along[some] @ ups[1:]
+            np.divide(off, upwards, out=off, where=upwards != 0)
+            off *= off
+            near = np.maximum(np.subtract(1, off, out=off), 0, out=off)
+            near *= near
+            found += self.weight[some] @ near
         return found.reshape(len(_PITCHES), len(_ROLLS)).astype(float)
 
 
