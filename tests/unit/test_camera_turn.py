@@ -152,9 +152,29 @@ def test_frames_in_which_something_hides_the_place_are_named() -> None:
     camera = CameraTurn(TRUE, TRUE.point(*AT))
     turns = [camera.update(frame).yaw_rad for frame in frames]
     assert not camera.lost
-    assert 4 in camera.unfollowed
-    assert set(camera.unfollowed) <= {4, 5, 6}
+    assert 4 in camera.hidden
+    assert set(camera.hidden) <= {4, 5, 6}
+    assert not camera.blurred
     np.testing.assert_allclose(turns, yaws, atol=0.02)
+
+
+@pytest.mark.parametrize("step_deg", [14, 19])
+def test_a_camera_that_moves_fast_hides_nothing(step_deg: float) -> None:
+    yaws = np.radians([0, step_deg, 0, -step_deg, 0])
+    camera = CameraTurn(TRUE, TRUE.point(*AT))
+    turns = [camera.update(seen(replace(TRUE, yaw_rad=yaw))).yaw_rad for yaw in yaws]
+    assert not camera.lost + camera.hidden + camera.blurred
+    np.testing.assert_allclose(turns, yaws, atol=0.01)
+
+
+def test_frames_blurred_by_a_fast_turn_are_named_so() -> None:
+    camera = CameraTurn(TRUE, TRUE.point(*AT))
+    for k, blur_deg in enumerate((0, 0, 5, 0)):
+        parts = np.radians(k + np.linspace(-blur_deg / 2, blur_deg / 2, 15))
+        frame = np.mean([seen(replace(TRUE, yaw_rad=yaw)) for yaw in parts], axis=0)
+        camera.update(frame.astype(np.uint8))
+    assert camera.blurred == [2]
+    assert not camera.lost + camera.hidden
 
 
 def test_another_place_between_two_cuts_is_named_and_leaves_no_trace() -> None:

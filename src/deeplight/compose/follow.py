@@ -30,14 +30,21 @@ class Follower:
         self._at_key = self._at = np.array([x, y]) / self._step
         self._begun = self._key, self._at_key
 
-    def update(self, luma: Float[np.ndarray, "height width"]) -> tuple[float, float] | None:
+    def update(
+        self,
+        luma: Float[np.ndarray, "height width"],
+        expected: tuple[float, float] | None = None,
+    ) -> tuple[float, float] | None:
         """Where the place is in the next frame: (x, y) in pixels.
 
         None where it is not seen: after a cut, or behind a hand. Where all is alike there is
-        nothing to follow, and it stays where it was.
+        nothing to follow, and it stays where it was. `expected` is where something else says
+        that it is; if that is far off, because the camera moved fast, it is looked for there.
         """
         small = self._small(luma)
-        at = self._found(small, self._at, self._key, self._at_key)
+        near = self._at if expected is None else np.array(expected) / self._step
+        start = self._at if self._is_near(near, self._at) else near
+        at = self._found(small, start, self._key, self._at_key)
         if at is None:
             return None
         if self._key is not self._begun[0] and self._is_near(at, self._begun[1]):

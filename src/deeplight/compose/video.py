@@ -83,10 +83,13 @@ def compose_video(
             writer.write(pixels[: size[1], : size[0]], time_s)
             progress(number, known.frames)
     kept.remove()
-    lost, hidden = named_ranges(camera.turn.lost), named_ranges(camera.turn.unfollowed)
     notes = ["the video's sound is left out"] * known.sound
-    notes += [f"match no other, left as they are: frames {lost}"] if lost else []
-    notes += [f"the object's place is hidden or blurred: frames {hidden}"] if hidden else []
+    named = {
+        "match no other, left as they are": camera.turn.lost,
+        "the object's place is hidden": camera.turn.hidden,
+        "blurred by a fast turn, the object's place is not seen": camera.turn.blurred,
+    }
+    notes += [f"{why}: frames {named_ranges(frames)}" for why, frames in named.items() if frames]
     return (*film.notes, *notes)
 
 

@@ -44,9 +44,9 @@ def moving(source: Iterator[VideoFrame]) -> Iterator[VideoFrame]:
         looked_s = still.time_s
         now = _tiny(still)
         flow.follow(now, step_s)
-        moved, sharpness = flow.moved, _sharpness(now)
-        if moved > MOVED and (best is None or sharpness > best[1]):
-            best = (still, sharpness, flow.way)
+        moved, sharp = flow.moved, sharpness(now)
+        if moved > MOVED and (best is None or sharp > best[1]):
+            best = (still, sharp, flow.way)
         if best and (moved > ENOUGH or still.time_s - key_s > LONGEST_S):
             yield best[0]
             key_s = best[0].time_s
@@ -103,15 +103,18 @@ def _followed(last: Tiny, now: Tiny) -> Float[np.ndarray, "n 2"]:
 
 
 def _tiny(still: VideoFrame) -> Tiny:
-    def average(luma: np.ndarray) -> np.ndarray:
-        step = max(1, min(luma.shape) // (3 * _TINY))  # every pixel of a large frame is not needed
-        luma = np.ascontiguousarray(luma[::step, ::step])
-        scale = _TINY / min(luma.shape)
-        size = (round(luma.shape[1] * scale), round(luma.shape[0] * scale))
-        return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA))
-
-    return np.ascontiguousarray(still.averaged_luma(average))
+    return np.ascontiguousarray(still.averaged_luma(tiny))
 
 
-def _sharpness(grey: Tiny) -> float:
+def tiny(luma: np.ndarray) -> np.ndarray:
+    """A picture averaged down to `_TINY` pixels along its shorter side."""
+    step = max(1, min(luma.shape) // (3 * _TINY))  # every pixel of a large frame is not needed
+    luma = np.ascontiguousarray(luma[::step, ::step])
+    scale = _TINY / min(luma.shape)
+    size = (round(luma.shape[1] * scale), round(luma.shape[0] * scale))
+    return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA))
+
+
+def sharpness(grey: UInt8[np.ndarray, "h w"]) -> float:
+    """How much of a picture's contrast is fine detail: what moves fast has less."""
     return float(cv2.Laplacian(grey, cv2.CV_32F).var() / max(float(grey.var()), 1.0))
