@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from deeplight.errors import ImageFileError
+from deeplight.io import photo_decoders
 from deeplight.io.photo_like import as_photo
 from deeplight.io.photos import read_photo
 
@@ -49,6 +50,37 @@ def test_small_ones_and_other_files_are_read_as_they_are(large, tmp_path):
 def test_bytes_are_read_as_their_file_is(large):
     of_bytes = as_photo(large.read_bytes(), 400)
     np.testing.assert_array_equal(of_bytes.pixels, as_photo(large, 400).pixels)
+
+
+@pytest.mark.parametrize(
+    ("mode", "max_side", "options"),
+    [
+        ("RGB", 250, {}),
+        ("RGB", 130, {"subsampling": 0}),
+        ("RGB", 20, {"subsampling": 1}),
+        ("RGB", 130, {"progressive": True}),
+        ("L", 130, {}),
+        ("CMYK", 130, {}),
+    ],
+)
+def test_pixels_are_pillows(tmp_path, monkeypatch, mode, max_side, options):
+    pytest.importorskip("simplejpeg")
+    noise = np.random.default_rng(0).integers(0, 256, (405, 603, 3)).astype(np.uint8)
+    Image.fromarray(noise).convert(mode).save(tmp_path / "a.jpg", **options)
+    fast = read_photo(tmp_path / "a.jpg", max_side)
+    monkeypatch.setattr(photo_decoders, "simplejpeg", None)
+    np.testing.assert_array_equal(fast.pixels, read_photo(tmp_path / "a.jpg", max_side).pixels)
+
+
+def test_what_is_damaged_is_read_as_far_as_pillow_can(large, tmp_path, monkeypatch):
+    content = bytearray(large.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 40] = bytes(40)
+    (tmp_path / "damaged.jpg").write_bytes(content)
+    fast = read_photo(tmp_path / "damaged.jpg", 400)
+    monkeypatch.setattr(photo_decoders, "simplejpeg", None)
+    slow = read_photo(tmp_path / "damaged.jpg", 400)
+    np.testing.assert_array_equal(fast.pixels, slow.pixels)
 
 
 def test_a_cut_file_is_refused(large, tmp_path):
