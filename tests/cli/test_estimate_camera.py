@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
 
 from deeplight.io.radiance import read_hdr
 
@@ -37,3 +38,18 @@ def test_a_given_pitch_is_the_cameras(photos, estimate, tmp_path):
 def test_a_pitch_that_cannot_be_is_refused(photos, estimate, capsys, words):
     assert estimate(photos / "scene.jpg", *words) == 2
     assert "--pitch" in capsys.readouterr().err
+
+
+def test_a_tilt_that_the_picture_contradicts_is_noted(tmp_path, estimate, capsys):
+    """Upright stripes all over: a camera that looks level, whatever its EXIF data say."""
+    stripes = np.where(np.arange(300) // 12 % 2, 200, 60).astype(np.uint8)
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0x9405] = IFDRational(50, 1)
+    pixels = np.repeat(np.tile(stripes, (400, 1))[..., None], 3, axis=2)
+    Image.fromarray(pixels).save(tmp_path / "stripes.jpg", exif=exif)
+    assert estimate(tmp_path / "stripes.jpg") == 0
+    record = json.loads((tmp_path / "out/stripes.json").read_text())
+    assert record["camera_tilt"]["pitch_deg"] == pytest.approx(50)
+    (note,) = (note for note in record["notes"] if "--pitch" in note)
+    assert "EXIF camera elevation says a pitch of 50" in note
+    assert "EXIF camera elevation says" in " ".join(capsys.readouterr().out.split())

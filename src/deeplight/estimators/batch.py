@@ -1,7 +1,7 @@
 """Many photos and videos in one go: results written for all that can be, reasons for the rest."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -157,11 +157,12 @@ def _estimated(
     for stem, photo in source.photos(pixels_for(settings.height)):
         estimate = estimator.explain(photo, settings.fov_deg)
         scene, sun, notes = _lit(estimate, settings)
+        estimate = replace(estimate, notes=(*estimate.notes, *notes))
         try:
             files = _written(estimate, scene, estimator, out, stem, settings, sun)
         except OSError as error:
             raise _CannotWriteError(error) from error
-        all_notes = (*warnings_of(estimate.photo.pixels), *estimate.notes, *notes)
+        all_notes = (*warnings_of(estimate.photo.pixels), *estimate.notes)
         done = SourceDone(source, done.count + 1, done.first or files, files, all_notes)
     return done
 
