@@ -93,12 +93,8 @@ def _row_sums(
     whole, fraction = _split(edges, height)
     longest = int(np.diff(whole).max())
     if longest <= _SHORT:
-        mixing = _bands(edges.tobytes(), height, together(longest + 1, width * channels, _TOGETHER))
-
-        def lines(top: int, end: int) -> Float32[np.ndarray, "some numbers"]:
-            return pixels[top:end].reshape(end - top, -1).astype(np.float32)
-
-        return mixing.across_lines(lines, width * channels).reshape(-1, width, channels)
+        several = together(longest + 1, width * channels, _TOGETHER)
+        return _bands(edges.tobytes(), height, several).across_lines(pixels)
     sum_type = _sum_type(pixels.dtype, longest)
     sums = np.empty((len(edges) - 1, width, channels), np.float32)
     # This loop is twenty times faster than `np.add.reduceat` along this axis.

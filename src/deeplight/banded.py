@@ -3,12 +3,13 @@
 Numpy is slow where its inner loop is a texel's three channels; products of narrow bands are not.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32, Int, Shaped
 
 BLAS_ALONE = 1 << 18
 """Multiplications of a product that OpenBLAS makes with one thread: after a larger one its threads
@@ -53,14 +54,16 @@ class Bands:
         return found[:, : self.count]
 
     def across_lines(
-        self, lines: Callable[[int, int], Float32[np.ndarray, "some numbers"]], numbers: int
-    ) -> Float32[np.ndarray, "results numbers"]:
-        """Mix lines of `numbers`, which are asked for by the first and the end of a few."""
+        self, lines: Shaped[np.ndarray, "pixels *numbers"]
+    ) -> Float32[np.ndarray, "results *numbers"]:
+        """Mix whole lines; of any type, made float32 by parts, which stay near the processor."""
         parts, taken, given = self.weight.shape
-        found = np.empty((parts, given, numbers), np.float32)
+        numbers = lines.shape[1:]
+        found = np.empty((parts, given, math.prod(numbers)), np.float32)
         for results, first, weight in zip(found, self.first.tolist(), self.weight, strict=True):
-            np.matmul(weight.T, lines(first, first + taken), out=results)
-        return found.reshape(-1, numbers)[: self.count]
+            some = lines[first : first + taken].reshape(taken, -1)
+            np.matmul(weight.T, some.astype(np.float32, copy=False), out=results)
+        return found.reshape(-1, *numbers)[: self.count]
 
 
 def bands(

@@ -67,11 +67,9 @@ def enlarged(
     if rows == height:
         return small[only]
     around = np.concatenate([small[:, -1:], small, small[:, :1]], axis=1).reshape(rows, -1)
-    at = _between(rows, height)[only].clip(0, rows - 1)
-    top = at.astype(int)
-    down = (at - top).astype(np.float32)[:, None]
-    lines = around[top] * (1 - down)
-    lines += around[(top + 1).clip(max=rows - 1)] * down
+    first, end, _ = only.indices(height)
+    several = together(rows / height, around.shape[1], _TOGETHER)
+    lines = _down(rows, height, first, end, several).across_lines(around)
     several = together(columns / (2 * height), len(lines) * channels**2, _TOGETHER)
     found = _across(columns, 2 * height, several, channels).along_lines(lines)
     return found.reshape(-1, 2 * height, channels)
@@ -85,13 +83,25 @@ def _between(count: int, more: int) -> Float[np.ndarray, " more"]:
 @lru_cache(maxsize=8)
 def _across(columns: int, width: int, several: int, channels: int) -> Bands:
     """What brings `columns`, and one more at either end, to `width` ones."""
-    at = _between(columns, width) + 1
-    left = at.astype(int)
+    mixing = _bilinear(_between(columns, width) + 1, columns + 2, several)
+    return mixing.for_channels(channels)
 
-    def weight(pixel: np.ndarray, result: np.ndarray) -> np.ndarray:
-        return np.maximum(1 - np.abs(pixel - at[result]), 0)
 
-    return bands(left, left + 1, columns + 2, weight, several).for_channels(channels)
+@lru_cache(maxsize=16)
+def _down(rows: int, height: int, first: int, end: int, several: int) -> Bands:
+    """What brings `rows` to some of `height` ones."""
+    at = _between(rows, height)[first:end].clip(0, rows - 1)
+    return _bilinear(at, rows, several)
+
+
+def _bilinear(at: Float[np.ndarray, " results"], count: int, several: int) -> Bands:
+    """What lies at places between the first and the last of `count` texels."""
+    before = at.astype(int)
+
+    def weight(texel: np.ndarray, result: np.ndarray) -> np.ndarray:
+        return np.maximum(1 - np.abs(texel - at[result]), 0)
+
+    return bands(before, (before + 1).clip(max=count - 1), count, weight, several)
 
 
 def power_of(radiance: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "3"]:

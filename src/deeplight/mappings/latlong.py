@@ -47,6 +47,7 @@ def nearest(
     return found
 
 
+@lru_cache(maxsize=16)
 def solid_angles(height: int, width: int) -> Float[np.ndarray, "height width"]:
     """Solid angle of every pixel in sr, exact for its band; they sum to 4 pi (read-only)."""
     edges = np.cos(np.arange(height + 1) * (np.pi / height))
