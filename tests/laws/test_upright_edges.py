@@ -55,7 +55,7 @@ def test_upright_edges_say_how_the_camera_was_tilted(pitch, roll, before):
     assert evidence > LEAST_EVIDENCE
     off = np.degrees([found.pitch_rad, found.roll_rad]) - [pitch, roll]
     assert np.abs(off).max() < 3
-    assert np.degrees(found.scale_rad) < 5
+    assert 2.99 < np.degrees(found.scale_rad) < 5  # never as if it were known
     assert "edges" in found.source
 
 

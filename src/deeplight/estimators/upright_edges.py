@@ -29,7 +29,7 @@ _LEAST_STEP = 5  # of 255, from one pixel to the next
 _AGREES_RAD = float(np.radians(4))  # an edge that is off by more does not count
 _SPREAD = _AGREES_RAD / np.radians(70)  # of all edges that may lean, those that agree by chance
 _TRUST = 0.3  # neighbouring pixels are one edge: of their number so much counts
-_LEAST_SCALE_RAD = float(np.radians(3))
+_LEAST_SCALE_RAD = float(np.radians(3))  # nobody's word is better, nor is that of all edges
 _PITCHES = np.radians(np.arange(-63.0, 46.0, 3.0))
 _ROLLS = np.radians(np.arange(-8.0, 9.0, 4.0))
 
@@ -104,7 +104,7 @@ def tilt_with_edges(
     pitch, roll = float(of_pitch @ _PITCHES), float(chance.sum(0) @ _ROLLS)
     scale = float(np.sqrt(of_pitch @ (_PITCHES - pitch) ** 2))
     source = SOURCE if guess is None else f"{SOURCE} and {guess.source}"
-    return Tilt(pitch, roll, source, scale), evidence
+    return Tilt(pitch, roll, source, max(scale, _LEAST_SCALE_RAD)), evidence
 
 
 def upright_edges(pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane) -> Edges | None:
