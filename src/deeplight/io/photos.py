@@ -29,6 +29,7 @@ PHOTO_SUFFIXES = frozenset(
     ".avif .bmp .gif .heic .heif .jfif .jp2 .jpeg .jpg .jxl .png .tif .tiff .webp".split()
 )
 """What a folder is searched for. A file named directly may have any suffix."""
+_RUNS = 3  # zlib's Z_RLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +172,8 @@ def write_png(path: Path | str, pixels: UInt8[np.ndarray, "height width 3"]) -> 
         OSError: the file cannot be written.
     """
     with replacing(path) as temporary:
-        temporary.write_bytes(encode_png(pixels))
+        # Looking for runs alone takes a third of the time; a preview grows by a twelfth.
+        temporary.write_bytes(_encoded(pixels, "PNG", compress_type=_RUNS))
 
 
 def encode_png(pixels: UInt8[np.ndarray, "height width 3"]) -> bytes:

@@ -153,20 +153,22 @@ def sample_latlong(
 
     A look-up, not an average: for views at least as fine as the panorama.
     """
-    height, width, _ = radiance.shape
+    height, width, channels = radiance.shape
     row, column = latlong.position(directions, height, width)
-    top, left = np.floor(row).astype(np.int32), np.floor(column).astype(np.int32)
-    down, right = (row - top)[..., None], (column - left)[..., None]
-    starts = [np.clip(top + k, 0, height - 1).astype(np.intp) * width for k in (0, 1)]
-    columns = [(left + k) % width for k in (0, 1)]
-    texels = radiance.reshape(height * width, -1)  # of which `take` is faster than an index
-    upper, lower = (
-        texels.take(s + columns[0], axis=0) * (1 - right)
-        + texels.take(s + columns[1], axis=0) * right
-        for s in starts
-    )
-    result: np.ndarray = upper * (1 - down) + lower * down
-    return result.astype(radiance.dtype)
+    top, left = np.floor(row), np.floor(column)
+    down, right = row - top, column - left
+    starts = [(top + k).clip(0, height - 1).astype(np.intp) * width for k in (0, 1)]
+    first = np.where(left < 0, width - 1, left).astype(np.intp)
+    columns = [first, np.where(first == width - 1, 0, first + 1)]
+    pairs = [[(start + column) * channels for column in columns] for start in starts]
+    numbers = radiance.ravel()
+    result = np.empty((*row.shape, channels), radiance.dtype)
+    # Channel by channel: numpy is slow where its inner loop is a texel's three.
+    for channel in range(channels):
+        own = numbers[channel:]
+        upper, lower = (own.take(at[0]) * (1 - right) + own.take(at[1]) * right for at in pairs)
+        result[..., channel] = upper * (1 - down) + lower * down
+    return result
 
 
 def _area_mean(values: np.ndarray, size: int, axis: int) -> np.ndarray:
