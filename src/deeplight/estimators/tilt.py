@@ -13,8 +13,9 @@ from deeplight.estimators.upright_edges import LEAST_EVIDENCE, tilt_with_edges
 from deeplight.io.tilt import Tilt, with_given
 
 SURE_RAD = radians(8)
-"""A guess of the pitch that is less off, by its own word, is not asked of edges again: they make it
-no better, and the light a little worse (validation places; `lab/evidence/horizon_accuracy.py`)."""
+"""A guess of the pitch that is less off, by its own word, is left as it is: edges would mend it by
+some tenths of a degree (`lab/evidence/horizon_accuracy.py`), and the light is a little worse then
+(validation places; docs/journal.md)."""
 CONTRADICTS_RAD = radians(30)
 """EXIF's pitch is doubted from this difference on, and from three scales of what is seen."""
 
