@@ -19,6 +19,11 @@ def pan() -> Pan:
     return made_up_pans.pan(15, Troubles(people=2, blur_rad=0.004))
 
 
+@lru_cache
+def finely() -> Pan:
+    return made_up_pans.pan(40, Troubles())
+
+
 def tracked(pictures: list[np.ndarray]) -> Tracked:
     return track(pictures, [FOV] * len(pictures), fov_known=True)
 
@@ -85,17 +90,25 @@ def zoomed(picture: np.ndarray, factor: float) -> np.ndarray:
     return np.asarray(cv2.resize(picture[top : top + high, left : left + wide], (columns, rows)))
 
 
-def test_a_zoom_on_the_way_is_found() -> None:
-    frames = [frame.pixels for frame in pan().frames]
-    assert tracked(frames[:6]).zoom == 1
-    slowly = [zoomed(one, 1 + 0.02 * k) for k, one in enumerate(frames)]
-    assert abs(tracked(slowly).zoom - 1.26) < 0.05
-    at_once = [zoomed(one, 1.15 if k > 3 else 1) for k, one in enumerate(frames[:8])]
-    assert abs(tracked(at_once).zoom - 1.15) < 0.03
+def test_each_picture_of_a_zoom_has_its_own_field_of_view() -> None:
+    truth = finely()
+    zooms = 1 + 0.3 * np.sin(np.linspace(0, np.pi, 10))
+    pictures = [zoomed(f.pixels, z) for f, z in zip(truth.frames[:10], zooms, strict=True)]
+    found = tracked(pictures)
+    np.testing.assert_allclose(list(found.zooms.values()), zooms, rtol=0.03)
+    assert errors(found, truth).max() < 1
+
+
+def test_a_zoom_at_once_is_found_and_none_where_there_is_none() -> None:
+    frames = [frame.pixels for frame in finely().frames]
+    assert not tracked(frames[:6]).zooms
+    zooms = [1.0] * 3 + [1.15] * 3
+    found = tracked([zoomed(one, z) for one, z in zip(frames, zooms, strict=False)])
+    np.testing.assert_allclose(list(found.zooms.values()), zooms, rtol=0.03)
 
 
 def test_stretched_pictures_miss_each_other() -> None:
-    pictures = [frame.pixels for frame in made_up_pans.pan(40, Troubles()).frames[:16]]
+    pictures = [frame.pixels for frame in finely().frames[:16]]
     wide = [np.repeat(picture, 2, axis=1) for picture in pictures]
     plain, stretched = (track(p, [FOV] * 16, fov_known=False) for p in (pictures, wide))
     assert plain.residual_rad < np.radians(0.1)

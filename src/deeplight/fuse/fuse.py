@@ -203,18 +203,19 @@ def _placed(
         do = "turn slower so that neighbours overlap by a third, or give --poses"
         raise ImageFileError("pictures that overlap", got, do)
     notes = []
-    if found.zoom != 1:
-        by = f"by {found.zoom:.2f}"
-        notes.append(f"the camera zoomed {by} or walked on: the light is bent, do not zoom")
-    elif found.residual_rad > _MISSES_RAD:
+    if found.zooms:
+        by = f"by {max(found.zooms.values()) / min(found.zooms.values()):.2f}"
+        notes.append(f"the camera zoomed {by} or walked on: each frame has its own field of view")
+    if found.residual_rad > _MISSES_RAD:
         off = f"{degrees(found.residual_rad):.1f} degrees"
         notes.append(
             f"no turning fits the pictures, off by {off}: wrong --fov, zoomed, stretched, walked?"
         )
+    fovs = [scaled(fov, found.scale / found.zooms.get(k, 1)) for k, fov in enumerate(fovs)]
     if known:
         return found.rotations, fovs, notes
-    fovs = [scaled(fov, found.scale) for fov in fovs]
-    return found.rotations, fovs, [*notes, unknown_fov(fovs[0], found=found.scale != 1)]
+    first = fovs[min(found.rotations)]
+    return found.rotations, fovs, [*notes, unknown_fov(first, found=found.scale != 1)]
 
 
 def _tracked(
@@ -225,7 +226,8 @@ def _tracked(
     if held is not None:
         places = (int(place) for place in held["places"])
         turns = dict(zip(places, held["rotations"], strict=True))
-        return Tracked(turns, *(float(held[name]) for name in ("scale", "residual", "zoom")))
+        zooms = dict(zip(turns, held["zooms"].tolist(), strict=False))  # of none if it has not
+        return Tracked(turns, float(held["scale"]), float(held["residual"]), zooms)
     found = track((frame.pixels for frame in frames), fovs, known)
     if kept is not None and found.rotations:
         kept.keep(
@@ -234,7 +236,7 @@ def _tracked(
             rotations=np.stack(list(found.rotations.values())),
             scale=np.array(found.scale),
             residual=np.array(found.residual_rad),
-            zoom=np.array(found.zoom),
+            zooms=np.array(list(found.zooms.values())),
         )
     return found
 

@@ -7,8 +7,8 @@ with last where a turn closes, so that drift is spread and gone.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from math import radians, tan
+from dataclasses import dataclass, field, replace
+from math import exp, radians, tan
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from jaxtyping import Float, Float32, UInt8
 from deeplight.frames import Rotation, normalised
 from deeplight.fuse.adjust import Free, Pair, adjusted, rays_of
 from deeplight.fuse.poses import angle_between, nearest_rotation
-from deeplight.fuse.zoom import zoom_of
+from deeplight.fuse.zoom import is_zoom, log_zooms
 
 WORKING_SIDE = 480
 """Pixels of the longer side of the pictures that features are looked for in."""
@@ -36,6 +36,7 @@ _SETTLED_RAD = radians(1)  # moved by less, pictures overlap as they did
 _MOST_NEAR = 4  # further pairs of each picture that are tried
 _ROUNDS, _MOST_STRANGERS = 3, 200  # further pairs, of pictures of which one is not placed, a round
 _BRIGHT, _DARKEST = 160, 16  # levels of a picture's bright parts that features are looked for at
+_ZOOM_ROUNDS, _ZOOM_FOUND = 8, 0.003  # and ln of what the last one may still find
 _FOV_NEEDS_RAD = radians(50)  # turned by less, a step to the side looks like another field of view
 
 
@@ -49,13 +50,14 @@ class Tracked:
         scale: what tangents of half the fields of view are to be multiplied by, to fit best; 1 if
             they were known.
         residual_rad: median angle by which matches miss each other if the camera only turned.
-        zoom: factor by which the camera zoomed meanwhile; 1 if it need not have.
+        zooms: how much more each placed picture is magnified than the first of them; empty if the
+            camera need not have zoomed.
     """
 
     rotations: dict[int, Rotation]
     scale: float
     residual_rad: float
-    zoom: float = 1.0
+    zooms: dict[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +96,27 @@ def track(
         features_of(picture, tan(fov / 2))
         for picture, fov in zip(pictures, vertical_fovs_rad, strict=True)
     ]
+    found, pairs = _tracked(features, fov_known)
+    logs = log_zooms(pairs, found.rotations)
+    if not is_zoom(logs):
+        return found
+    total = np.zeros(len(features))
+    for _ in range(_ZOOM_ROUNDS):  # the first only sees the middle, where a zoom hardly moves
+        total += np.interp(np.arange(len(features)), list(logs), list(logs.values()))
+        alike = [
+            replace(f, plane=f.plane * exp(-log)) for f, log in zip(features, total, strict=True)
+        ]
+        found, pairs = _tracked(alike, fov_known)
+        logs = log_zooms(pairs, found.rotations)
+        if max(np.abs(list(logs.values())), default=0.0) < _ZOOM_FOUND:
+            break
+    first = total[min(found.rotations)] if found.rotations else 0.0
+    zooms = {number: exp(total[number] - first) for number in found.rotations}
+    return replace(found, zooms=zooms)
+
+
+def _tracked(features: list[Features], fov_known: bool) -> tuple[Tracked, list[Pair]]:
+    """Rotations of pictures that are all magnified alike, and the pairs that say them."""
     count = len(features)
     tried = {(k, j) for j in range(count) for k in range(max(0, j - _AHEAD), j)}
     pairs = _all_matched(features, sorted(tried))
@@ -109,7 +132,7 @@ def track(
         if _settled(before, rotations):
             break
     rotations, scale, residual = _solved(pairs, count, fov_known, strays=True)
-    return Tracked(rotations, scale, residual, zoom_of(pairs, rotations))
+    return Tracked(rotations, scale, residual), pairs
 
 
 def _settled(before: dict[int, Rotation], after: dict[int, Rotation]) -> bool:

@@ -1,7 +1,7 @@
-"""Whether a camera zoomed while it turned: all pictures are taken to have one field of view."""
+"""How a camera zoomed while it turned: from pairs of pictures, each placed with its own zoom."""
 
-from collections.abc import Iterable, Sequence
-from math import exp, radians
+from collections.abc import Iterable, Mapping, Sequence
+from math import radians
 
 import numpy as np
 
@@ -15,8 +15,8 @@ _STEP, _RANGE = 0.08, 0.2
 in made-up rooms at most 0.05 and 0.18."""
 
 
-def zoom_of(pairs: Sequence[Pair], pictures: Iterable[int]) -> float:
-    """By what factor the camera zoomed; 1 where a step forward explains it as well.
+def log_zooms(pairs: Sequence[Pair], pictures: Iterable[int]) -> dict[int, float]:
+    """ln of how much more each picture is magnified than the first one.
 
     Args:
         pairs: of which only those between `pictures` count.
@@ -24,16 +24,22 @@ def zoom_of(pairs: Sequence[Pair], pictures: Iterable[int]) -> float:
     """
     order = {number: place for place, number in enumerate(sorted(pictures))}
     used = [p for p in pairs if p.first in order and p.second in order]
-    if not used:
-        return 1.0
     matrix, right = np.zeros((len(used) + 1, len(order))), np.zeros(len(used) + 1)
-    matrix[-1, 0] = 1
+    matrix[-1, :1] = 1
     for k, pair in enumerate(used):
-        matrix[k, order[pair.first]], matrix[k, order[pair.second]] = -1, 1
-        right[k] = _between(pair)
+        counts = np.sqrt(len(pair.one))
+        matrix[k, order[pair.first]], matrix[k, order[pair.second]] = -counts, counts
+        right[k] = counts * _between(pair)
     logs = np.linalg.lstsq(matrix, right, rcond=None)[0]
-    total = float(np.ptp(logs))
-    return exp(total) if total > _RANGE or np.abs(np.diff(logs)).max() > _STEP else 1.0
+    return dict(zip(order, (logs - logs[:1]).tolist(), strict=True))
+
+
+def is_zoom(logs: Mapping[int, float]) -> bool:
+    """Whether these say that the camera zoomed: of less, a step forward is the likelier cause."""
+    values = np.array([logs[number] for number in sorted(logs)])
+    if len(values) < 2:
+        return False
+    return bool(np.ptp(values) > _RANGE or np.abs(np.diff(values)).max() > _STEP)
 
 
 def _between(pair: Pair) -> float:
