@@ -1,11 +1,11 @@
 """How much processor time commands take, next to another checkout of DeepLight, in one run.
 
 git worktree add ../other COMMIT
-python benchmarks/command_speed.py ../other --hdri FOLDER --clip CLIP
+python benchmarks/command_speed.py ../other [--hdri FOLDER] [--clip CLIP]
 
-Importing the package, estimating the example photos with the other checkout's weights, simulating a
-small data set in FOLDER's panoramas and capturing a filmed CLIP, each a process of its own, in
-turns so that a busy machine slows both. Children of the processes count.
+Importing the package, estimating the example photos with the other checkout's weights and, if they
+are given, simulating a small data set in FOLDER's panoramas and capturing a filmed CLIP, each a
+process of its own, in turns so that a busy machine slows both. Children of the processes count.
 """
 
 import os
@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import tyro
@@ -29,9 +29,9 @@ class Args:
 
     other: tyro.conf.Positional[Path]
     """The other checkout."""
-    hdri: Path
+    hdri: Path | None = None
     """A few panoramas."""
-    clip: Path
+    clip: Path | None = None
     """A clip of the three spheres: of `python -m lab.film`, or filmed."""
     turns: int = 3
     """How often each checkout has its turn."""
@@ -41,13 +41,16 @@ def commands(args: Args, out: Path) -> dict[str, tuple[str, ...]]:
     """What is timed; `out` is new each time."""
     (weights,) = (args.other / "src" / "deeplight" / "weights").glob("*.onnx")
     photos = str(HERE / "examples" / "photos")
-    simulate = ("simulate", "--hdri", str(args.hdri), "--workers", "1", *SIMULATE)
-    return {
+    found: dict[str, tuple[str, ...]] = {
         "import": (sys.executable, "-c", "import deeplight"),
         "estimate": (*PROGRAM, "estimate", photos, "--model", str(weights), "--out", str(out)),
-        "simulate": (*PROGRAM, *simulate, "--out", str(out)),
-        "capture": (*PROGRAM, "capture", str(args.clip), "--out", str(out)),
     }
+    if args.hdri:
+        simulate = ("simulate", "--hdri", str(args.hdri.resolve()), "--workers", "1", *SIMULATE)
+        found["simulate"] = (*PROGRAM, *simulate, "--out", str(out))
+    if args.clip:
+        found["capture"] = (*PROGRAM, "capture", str(args.clip.resolve()), "--out", str(out))
+    return found
 
 
 def seconds(command: tuple[str, ...], checkout: Path) -> float:
@@ -64,7 +67,7 @@ def seconds(command: tuple[str, ...], checkout: Path) -> float:
 
 def main(args: Args) -> None:
     """Take turns and print every time, and the ratio of the fastest: others slow the rest."""
-    args = Args(args.other.resolve(), args.hdri.resolve(), args.clip.resolve(), args.turns)
+    args = replace(args, other=args.other.resolve())
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
         for name, command in commands(args, out).items():

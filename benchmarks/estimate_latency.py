@@ -5,8 +5,9 @@
 "light" is what the network gives, "environment" the panorama of 256 x 512 with the photo in it, one
 thread each (OpenBLAS's others wait in a busy loop, which would count). In every round each is timed
 in turn, so other work on the machine slows all alike; times are the process's own, and ratios are
-medians over the rounds. The light is compared with that of the whole photo: mean difference of ln
-radiance over the ball.
+medians over the rounds. "with its files" is what the command does of a photo: the environment, the
+network asked again for its confidence if the model does not say that, and every file written. The
+light is compared with that of the whole photo: mean difference of ln radiance over the ball.
 """
 
 import argparse
@@ -23,11 +24,12 @@ from PIL import Image
 from deeplight.estimators.environment import scene_light
 from deeplight.estimators.network import NETWORK_SIDE
 from deeplight.estimators.onnx import OnnxEstimator
+from deeplight.estimators.results import write_results
 from deeplight.io.photos import read_photo
 
 PHOTO = Path(__file__).resolve().parents[1] / "examples/photos/pagoda.jpg"
 SIZES = {"upright": (3024, 4032), "on its side (EXIF 6)": (4032, 3024)}
-PROMISED = {"light": 0.75, "environment": 1.05}
+PROMISED = {"light": 0.7, "environment": 0.9}
 """Ratios above which something has become slow; the goals are 0.45 and 0.8."""
 
 
@@ -60,10 +62,16 @@ def seconds(work: Callable[[], object]) -> float:
 def measure(estimator: OnnxEstimator, path: Path, rounds: int) -> dict[str, list[float]]:
     """Give the seconds of each part in each round."""
     inputs = np.zeros((1, 3, estimator.contract.height, estimator.contract.width), np.float32)
+
+    def write_files() -> None:
+        estimate = estimator.explain(path)
+        write_results(estimate, estimator, path.parent, "light", scene_light(estimate))
+
     works: dict[str, Callable[[], object]] = {
         "decode whole": lambda: decode(path),
         "light": lambda: estimator.estimate(path),
         "environment": lambda: scene_light(estimator.explain(path)).environment,
+        "with its files": write_files,
         "of which read": lambda: read_photo(path, NETWORK_SIDE),
         "read at an eighth": lambda: read_photo(path, NETWORK_SIDE // 2),
         "of which network": lambda: estimator.run(inputs),

@@ -15,6 +15,7 @@ GAMMA = 2.2  # section 3.4
 SOFT_CLIP_N = 40.0  # equation 3
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB (ITU-R BT.709)
 LUMINANCE.setflags(write=False)
+_FAR = 24.0  # its exponential is lost in float32's rounding, its square in float64's
 
 Values = Float[np.ndarray, "*batch"]
 
@@ -25,7 +26,13 @@ def soft_clip(radiance: Values, n: float = SOFT_CLIP_N) -> Values:
     Never above 1; 1 - ln 2 / n at p = 1. Below 0.8 it changes values by less than 1e-5.
     Black comes out at -1e-19, not 0, so encoding clamps at 0.
     """
-    result: np.ndarray = 1 - np.logaddexp(0, -n * (radiance - 1)) / n
+    below = np.asarray(-n * (radiance - 1), order="C")
+    soft = np.asarray(np.maximum(below, 0))
+    # That is the softplus to the last bit, but for what lies near the clip.
+    far = _FAR if soft.dtype == np.float32 else 2 * _FAR
+    near = np.flatnonzero(np.abs(below) < far)
+    soft.reshape(-1)[near] = np.logaddexp(0, below.reshape(-1)[near])
+    result: np.ndarray = 1 - soft / n
     return result.astype(radiance.dtype)
 
 

@@ -93,3 +93,14 @@ def test_a_saturated_pixel_gives_a_finite_lower_bound() -> None:
     radiance = CameraResponse().radiance_from_pixel(np.ones((1, 3)))
     assert np.isfinite(radiance).all()
     assert (radiance >= 1).all()
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("n", [1.0, 40.0])
+def test_the_soft_clip_is_its_definition_to_the_last_bit(kind: type[np.generic], n: float) -> None:
+    around = np.concatenate([np.linspace(1 - 60 / n, 1 + 60 / n, 4000), [0.0, 1.0, 1e30]])
+    radiance = np.stack([around, around[::-1]]).astype(kind)
+    wanted = (1 - np.logaddexp(0, -n * (radiance - 1)) / n).astype(kind)
+    np.testing.assert_array_equal(soft_clip(radiance, n), wanted)
+    np.testing.assert_array_equal(soft_clip(radiance.T, n), wanted.T)
+    assert soft_clip(np.array(radiance[0, 2000]), n) == wanted[0, 2000]
