@@ -1,15 +1,16 @@
-"""What it is worth to slide the network's view into a photo that lies on its side.
+"""What it is worth to slide the network's view into a photo, and to look at it twice.
 
     python -m lab.evidence.photo_formats ../shared/hdri --split val
 
 Films photos of several formats in places with known light (a phone's automatic exposure and white
 balance, tone curve, vignetting, noise; six headings, level and looking down) and prints L1 of the
-three spheres for the view around the photo's centre and for the view that `estimate` takes
-(`preprocess.slid_into_photo`): of the network's light, and of the environment with the photo in it.
+three spheres for the view around the photo's centre, for that slid into the photo
+(`preprocess.slid_into_photo`), and for what `estimate` does with that (`preprocess.looks`): of the
+network's light, and of the environment with the photo in it.
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,11 +19,11 @@ import numpy as np
 import tyro
 
 from deeplight.estimators.environment import assemble
-from deeplight.estimators.look import seen_from_photo
+from deeplight.estimators.look import Answer, seen_from_photo
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.projection import ImagePlane
 from deeplight.lighting import Lighting
-from deeplight.preprocess import Framing, frame_photo, network_input, slid_into_photo
+from deeplight.preprocess import Framing, frame_photo, looks, network_input, slid_into_photo
 from deeplight.simulate.panorama import load, places_in
 from deeplight.simulate.phone import PHONES
 from lab.pans import Pan, Sweep, Troubles, film_pan
@@ -32,6 +33,9 @@ FORMATS = {
     "4:3 on its side, 54°": (384, 512, 54.0),
     "4:3 on its side, 52°": (384, 512, 52.0),
     "9:16 upright, 58°": (512, 288, 58.0),
+    "9:16 upright, 66°": (512, 288, 66.0),
+    "3:4 upright, 69°": (512, 384, 69.0),
+    "16:9 on its side, 42°": (360, 640, 42.4),
 }
 """Height and width in pixels, vertical field of view in degrees."""
 PITCHES_DEG = (-5.0, -25.0)
@@ -62,15 +66,16 @@ def photos(args: Args, name: str) -> Iterator[tuple[Pan, int]]:
             yield from ((pan, frame) for frame in range(len(pan.frames)))
 
 
-def lights(network: OnnxEstimator, pixels: np.ndarray, framing: Framing) -> tuple[Lighting, ...]:
-    """The network's light of a photo seen through a framing, and that with the photo in it."""
-    shown = network_input(pixels, framing)
-    log_radiance, lamps, _ = network.estimate_fully(shown[None])
-    light, own, _ = seen_from_photo(log_radiance[0], lamps[0], {}, framing.pitch_rad)
-    alone = Lighting.from_log_radiance(light)
+def lights(
+    network: OnnxEstimator, pixels: np.ndarray, views: Sequence[Framing]
+) -> tuple[Lighting, ...]:
+    """The network's light of a photo seen through some views, and that with the photo in it."""
+    shown = np.stack([network_input(pixels, view) for view in views])
+    found = seen_from_photo([*map(Answer, *network.estimate_fully(shown))], views)
+    alone = Lighting.from_log_radiance(found.log_radiance)
     height, width, _ = pixels.shape
-    plane = ImagePlane.centred(height, width, framing.vertical_fov_rad)
-    scene = assemble(alone, pixels, plane, ROWS, own, None)
+    plane = ImagePlane.centred(height, width, views[0].vertical_fov_rad)
+    scene = assemble(alone, pixels, plane, ROWS, found.lamps, None)
     return alone, scene.environment.lighting
 
 
@@ -82,12 +87,13 @@ def main(args: Args) -> None:
         for pan, k in photos(args, name):
             pixels, truth = pan.frames[k].pixels, pan.true_lighting(k)
             centred = frame_photo(len(pixels), pixels.shape[1], pan.camera.vertical_fov_rad)
-            views = {"around the centre": centred, "slid": slid_into_photo(centred)}
-            for way, framing in views.items():
-                found = lights(network, pixels, framing)
+            slid = slid_into_photo(centred)
+            ways = {"around the centre": [centred], "slid": [slid], "looked at twice": looks(slid)}
+            for way, views in ways.items():
+                found = lights(network, pixels, views)
                 for what, light in zip(("network", "with the photo"), found, strict=True):
                     scores.add(f"{what}, {way}", light, truth)
-        print(f"{name}, {args.split}, slid by {-np.degrees(framing.pitch_rad):.1f}°:\n")
+        print(f"{name}, {args.split}, slid by {-np.degrees(slid.pitch_rad):.1f}°:\n")
         scores.table("network, around the centre")
         sys.stdout.flush()
 

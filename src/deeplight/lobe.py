@@ -16,6 +16,12 @@ from deeplight.mappings import mirror_ball
 
 LEAST_RADIANCE = 1e-6
 """Of a map where it is nothing but lamp: once its lobes are taken off, its logarithm is wanted."""
+NEARNESS = 8.0
+"""Of answers that become one: concentration of the lobe within which two lamps point alike, 0.5 at
+24 degrees."""
+TRUST = 8.0
+"""Power of the agreement by which their flux is shared. 0 is the plain mean; chosen on validation
+places, where 8 gives the brightest light the share it has in truth."""
 
 
 def lobe_on_ball(lamp: Lamp, size: int = 32) -> Float[np.ndarray, "size size 3"]:

@@ -9,10 +9,12 @@ the photo's own gamma-encoded values. Where the photo does not reach, its edge p
 
 A 4:3 photo lying on its side reaches 27 degrees up and down: that view would overhang it above and
 leave its lowest rows out. `slid_into_photo` slides the view down along the image plane until it
-does neither; `estimators.look` turns the light back.
+does neither. Where that leaves out a fifth of a view's height or width, `looks` slides it there as
+well, and `estimators.look` makes one light of what the network says of both.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -28,6 +30,7 @@ from deeplight.camera import (
 )
 from deeplight.contract import ModelContract
 from deeplight.errors import ShapeError
+from deeplight.frames import Rotation, world_from_camera
 
 FovSource = Literal["given", "exif", "assumed"]
 
@@ -38,6 +41,10 @@ FITS = 1.07
 validation places (`lab/evidence/photo_formats.py`)."""
 LEAST_SLIDE = 1e-6
 """Of the photo's height: less is rounding."""
+ROOM = 0.2
+"""Of the view's height or width: a photo that shows so much more is looked at twice."""
+FARTHEST = math.tan(math.radians(18))
+"""To which a second look is slid, at distance 1: further off the axis squares become wedges."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +66,34 @@ class Framing:
     input_height: int = BACKGROUND_HEIGHT
     input_width: int = BACKGROUND_WIDTH
     down: float = 0.0  # pixels by which the view was slid below the photo's centre
+    aside: float = 0.0  # and to the right of it
+
+    @property
+    def focal(self) -> float:
+        """Distance in pixels at which the photo's plane stands before the camera."""
+        return self.photo_height / 2 / math.tan(self.vertical_fov_rad / 2)
 
     @property
     def pitch_rad(self) -> float:
         """How far up the view looks from the photo's optical axis; negative where it was slid."""
-        focal = self.photo_height / 2 / math.tan(self.vertical_fov_rad / 2)  # in pixels
-        return -math.atan(self.down / focal)
+        return -math.atan(self.down / math.hypot(self.focal, self.aside))
+
+    @property
+    def photo_from_view(self) -> Rotation:
+        """Rotation of directions from the frame of what the view shows to the photo's."""
+        return world_from_camera(-math.atan(self.aside / self.focal), self.pitch_rad)
+
+    def slid(self, down: float = 0.0, aside: float = 0.0) -> "Framing":
+        """Move the view by this number of pixels."""
+        return replace(
+            self,
+            top=self.top + down,
+            bottom=self.bottom + down,
+            left=self.left + aside,
+            right=self.right + aside,
+            down=self.down + down,
+            aside=self.aside + aside,
+        )
 
     @property
     def camera(self) -> PinholeCamera:
@@ -132,8 +161,29 @@ def slid_into_photo(framing: Framing) -> Framing:
     down = min(-framing.top, height - framing.bottom)
     if down < LEAST_SLIDE * height or framing.bottom - framing.top > FITS * height:
         return framing
-    top, bottom = framing.top + down, framing.bottom + down
-    return replace(framing, top=top, bottom=bottom, down=framing.down + down)
+    return framing.slid(down)
+
+
+def looks(framing: Framing) -> tuple[Framing, ...]:
+    """The views of a photo that the network is shown, out of the one around its centre: of a photo
+    that goes on below, that one and one further down; of a wide one, one at either side.
+
+    What two looks bring, and more of them: docs/journal.md.
+    """
+    height, width = framing.bottom - framing.top, framing.right - framing.left
+    below, aside = framing.photo_height - framing.bottom, framing.left
+    farthest = FARTHEST * framing.focal
+    if below >= ROOM * height:
+        return framing, framing.slid(min(below, farthest))
+    if aside >= ROOM * width:
+        aside = min(aside, farthest)
+        return framing.slid(0, -aside), framing.slid(0, aside)
+    return (framing,)
+
+
+def hull(views: Sequence[Framing]) -> Framing:
+    """What the views of `looks` show together, as one."""
+    return replace(views[0], bottom=views[-1].bottom, right=views[-1].right)
 
 
 def network_input(

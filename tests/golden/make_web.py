@@ -24,13 +24,13 @@ from deeplight.estimators import (
     confidence,
     continuation,
     lamps,
+    look,
     projection,
     sureness,
     surroundings,
     upright,
 )
 from deeplight.estimators.environment import assemble
-from deeplight.estimators.look import seen_from_photo
 from deeplight.estimators.network import WHOLE_VIEW, lamps_of
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.results import write_results
@@ -83,7 +83,17 @@ def constants() -> dict[str, Any]:
         "ASSUMED_LONG_SIDE_FOV_RAD": preprocess.ASSUMED_LONG_SIDE_FOV_RAD,
         "WHOLE_VIEW": WHOLE_VIEW,
         "LEAST_RADIANCE": lobe.LEAST_RADIANCE,
-        "SLIDE": {"FITS": preprocess.FITS, "LEAST": preprocess.LEAST_SLIDE},
+        "SLIDE": {
+            "FITS": preprocess.FITS,
+            "LEAST": preprocess.LEAST_SLIDE,
+            "ROOM": preprocess.ROOM,
+            "FARTHEST": preprocess.FARTHEST,
+        },
+        "AGREEING": {
+            "NEARNESS": lobe.NEARNESS,
+            "TRUST": lobe.TRUST,
+            "LEAST_FLUX": look.LEAST_FLUX,
+        },
         "MID_GREY": colour.MID_GREY,
         "GAMMA": camera_response.GAMMA,
         "SOFT_CLIP_N": camera_response.SOFT_CLIP_N,
@@ -213,13 +223,13 @@ def photo_golden() -> dict[str, Any]:
     shown = preprocess.network_input(photo, framing)
     return {
         "framings": [_framing(*size) for size in sizes],
-        "turned": _turned_answer(),
+        "turned": _looks(),
         "averages": [_average(*size) for size in [(37, 23, 0.3), (37, 23, 1.15), (9, 70, 2.0)]],
         "model_sha256": estimator.sha256,
         "photo": {"height": photo.shape[0], "width": photo.shape[1], "rgb": as_text(photo)},
         "shown_every_16th_row": packed(shown[:, ::16]),
         "log_radiance": packed(estimator.estimate_inputs(shown[None])[0]),
-        "record": _record(estimator),
+        **_record(estimator),
     }
 
 
@@ -306,25 +316,36 @@ def _framing(height: int, width: int, fov_rad: float | None) -> dict[str, Any]:
     framing = preprocess.frame_photo(height, width, fov_rad)
     shares = {name: getattr(framing, name) for name in ("visible_fraction", "used_fraction")}
     slid = preprocess.slid_into_photo(framing)
-    moved = {**asdict(slid), "pitch_rad": slid.pitch_rad}
-    return {"given_fov_rad": fov_rad, **asdict(framing), **shares, "slid": moved}
+    views = preprocess.looks(slid)
+    moved, last = ({**asdict(view), "pitch_rad": view.pitch_rad} for view in (slid, views[-1]))
+    shown = {"looks": len(views), "last_look": last, "hull": asdict(preprocess.hull(views))}
+    return {"given_fov_rad": fov_rad, **asdict(framing), **shares, "slid": moved, **shown}
 
 
-def _turned_answer() -> dict[str, Any]:
-    """A light with two lamps and a pitch, of a view that looks down, and as the photo has them."""
-    numbers = np.array([[0.0, 0.6, -0.8, 1.0, 0.9, 0.8, 0.1], [0.6, -0.0, 0.8, 0.5, 0.6, 0.7, 0.3]])
-    own = lamps_of(numbers.astype(np.float32))
-    whole = light().radiance + sum(lobe.lobe_on_ball(lamp) for lamp in own)
-    pitch_rad, given = -0.2, np.log(np.maximum(whole, 1e-6)).astype(np.float32)
-    turned_log, moved, heads = seen_from_photo(given, own, {"pitch_rad": 0.05}, pitch_rad)
+def _looks() -> dict[str, Any]:
+    """Two answers with lamps and a pitch, of views slid in a photo, and as one in its frame."""
+    framing = preprocess.frame_photo(300, 400, 0.9)
+    views = [framing.slid(40.0, 30.0), framing.slid(40.0, -90.0)]
+    numbers = np.array(
+        [
+            [[0.0, 0.6, -0.8, 1.0, 0.9, 0.8, 0.1], [0.6, -0.0, 0.8, 0.5, 0.6, 0.7, 0.3]],
+            [[0.3, 0.7, -0.6, 0.9, 0.7, 0.8, 0.2], [-0.6, 0.8, 0.0, 0.1, 0.3, 0.4, 0.3]],
+        ]
+    ).astype(np.float32)
+    given = []
+    for own in map(lamps_of, numbers):
+        whole = light().radiance + sum(lobe.lobe_on_ball(lamp) for lamp in own)
+        log = np.log(np.maximum(whole, 1e-6)).astype(np.float32)
+        given.append(look.Answer(log, own, {"pitch_rad": 0.05 + len(given)}))
+    found = look.seen_from_photo(given, views)
     return {
-        "pitch_rad": pitch_rad,
-        "given": packed(given),
-        "given_lamps": packed(numbers[None]),
-        "given_pitch_rad": 0.05,
-        "log_radiance": packed(turned_log),
-        "directions": [lamp.direction.tolist() for lamp in moved],
-        "head_pitch_rad": heads["pitch_rad"],
+        "views": [asdict(view) for view in views],
+        "given": [packed(answer.log_radiance) for answer in given],
+        "given_lamps": [packed(own[None]) for own in numbers],
+        "given_pitch_rad": [answer.heads["pitch_rad"] for answer in given],
+        "log_radiance": packed(found.log_radiance),
+        "lamps": [[*lamp.direction, *lamp.flux, lamp.angular_radius_rad] for lamp in found.lamps],
+        "head_pitch_rad": found.heads["pitch_rad"],
     }
 
 
@@ -337,13 +358,16 @@ def _average(height: int, width: int, fov_rad: float) -> dict[str, Any]:
 
 
 def _record(estimator: OnnxEstimator) -> dict[str, Any]:
-    """The JSON file of `deeplight estimate`, without its largest entry and its confidence."""
+    """The JSON file of `deeplight estimate`, without its largest entry and its confidence, and the
+    light it is of, which two looks gave."""
+    estimate = estimator.explain(example_photo())
     with TemporaryDirectory() as folder:
-        write_results(estimator.explain(example_photo()), estimator, Path(folder), "photo")
+        write_results(estimate, estimator, Path(folder), "photo")
         record: dict[str, Any] = json.loads((Path(folder) / "photo.json").read_text())
     del record["mirror_ball"]["radiance"]
     record.pop("confidence", None)  # the page shows it and leaves it out of its file
-    return record
+    light = np.log(np.maximum(estimate.lighting.radiance, lobe.LEAST_RADIANCE))
+    return {"record_log_radiance": packed(light), "record": record}
 
 
 def packed(values: np.ndarray) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from deeplight.camera_response import LUMINANCE
-from deeplight.estimators.look import seen_from_photo
+from deeplight.estimators.look import Answer, seen_from_photo
 from deeplight.estimators.network import Estimate, NetworkEstimator
 from deeplight.harmonics import dominant_light
 from deeplight.lighting import Lighting
@@ -100,8 +100,8 @@ def confidence_of(estimator: NetworkEstimator, estimate: Estimate) -> Confidence
     inputs = [first[:, :, ::-1]]
     inputs += [network_input(pixels, _cut(framing, *crop)) for crop in _CROPS]
     answers = estimator.estimate_inputs(np.stack(inputs))
-    turned = [seen_from_photo(answer, (), {}, framing.pitch_rad)[0] for answer in answers]
-    others = [Lighting.from_log_radiance(answer) for answer in turned]
+    turned = [seen_from_photo([Answer(answer)], [framing]) for answer in answers]
+    others = [Lighting.from_log_radiance(answer.log_radiance) for answer in turned]
     return _spread(estimate.lighting, [others[0].mirrored(), *others[1:]], warnings_of(pixels))
 
 

@@ -1,47 +1,103 @@
-"""The network's answer, which it gives in the frame of what it was shown, in the photo's frame.
+"""The network's answers, each in the frame of what it was shown, as one in the photo's frame.
 
-Of a photo lying on its side the network is shown a view that looks further down than the photo
-(`preprocess.slid_into_photo`). Its map is turned back, and its lamps by themselves: drawn again
-they stay as sharp as they were.
+A photo that shows more than the network's view is looked at twice, and the view may be slid away
+from its centre (`preprocess.looks`). Maps are turned back and averaged. Lamps are turned by
+themselves, so that they stay as sharp as they were; a mean of them would be many weak ones: those
+that point alike take the flux of those that stand alone.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float32
 
-from deeplight.frames import rotation
+from deeplight.frames import Rotation
 from deeplight.lamp import Lamp
-from deeplight.lobe import LEAST_RADIANCE, lobe_on_ball
+from deeplight.lobe import LEAST_RADIANCE, NEARNESS, TRUST, lobe_on_ball
 from deeplight.mappings import mirror_ball
 from deeplight.mappings.resample import sample_ball
+from deeplight.preprocess import Framing
 
 Ball = Float32[np.ndarray, "size size 3"]
-Answer = tuple[Ball, tuple[Lamp, ...], Mapping[str, float]]
+LEAST_FLUX = 1e-4
+"""Of the strongest lamp's: one that lost more than that to others is none."""
 
 
-def seen_from_photo(
-    log_radiance: Ball, lamps: Sequence[Lamp], heads: Mapping[str, float], pitch_rad: float
-) -> Answer:
-    """Turn an answer from the frame of the view into that of the photo.
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What the network says of one view.
 
-    Args:
+    Attributes:
         log_radiance: ln radiance on the mirror ball, which holds the lamps.
-        lamps: the network's.
-        heads: what else it says; its pitch becomes the photo's.
-        pitch_rad: how far up the view looks from the photo's axis; 0 changes nothing.
+        lamps: the compact lights, the strongest first.
+        heads: what else it says, by name.
     """
-    if pitch_rad == 0:
-        return log_radiance, tuple(lamps), heads
-    photo_from_view = rotation("x", pitch_rad)
-    size = len(log_radiance)
-    soft = np.exp(log_radiance) - sum(lobe_on_ball(lamp, size) for lamp in lamps)
-    directions = mirror_ball.pixel_directions(size).reshape(-1, 3) @ photo_from_view
-    soft = sample_ball(np.log(np.maximum(soft, np.float32(LEAST_RADIANCE))), directions).reshape(
-        size, size, 3
+
+    log_radiance: Ball
+    lamps: tuple[Lamp, ...] = ()
+    heads: Mapping[str, float] = field(default_factory=dict)
+
+
+def seen_from_photo(answers: Sequence[Answer], views: Sequence[Framing]) -> Answer:
+    """One answer, in the photo's camera frame, of those that the network gave to its views.
+
+    The power of the light is the answers' mean. Of one view around the photo's centre it is the
+    network's own, untouched.
+    """
+    if len(answers) == 1 and views[0].down == views[0].aside == 0:
+        return answers[0]
+    turns = [view.photo_from_view for view in views]
+    soft = np.mean([_soft(*pair) for pair in zip(answers, turns, strict=True)], 0)
+    lamps = agreeing(
+        [
+            lamp.turned(turn).scaled(1 / len(answers))
+            for answer, turn in zip(answers, turns, strict=True)
+            for lamp in answer.lamps
+        ]
     )
-    moved = tuple(lamp.turned(photo_from_view) for lamp in lamps)
-    light = np.exp(soft) + sum(lobe_on_ball(lamp, size) for lamp in moved)
-    if "pitch_rad" in heads:
-        heads = {**heads, "pitch_rad": heads["pitch_rad"] - pitch_rad}
-    return np.log(light).astype(np.float32), moved, heads
+    light = soft + sum(lobe_on_ball(lamp, len(soft)) for lamp in lamps)
+    return Answer(np.log(light).astype(np.float32), lamps, _heads(answers, views))
+
+
+def _soft(answer: Answer, photo_from_view: Rotation) -> Ball:
+    """An answer's radiance without its lamps, turned to the photo's frame."""
+    size = len(answer.log_radiance)
+    soft = np.exp(answer.log_radiance) - sum(lobe_on_ball(lamp, size) for lamp in answer.lamps)
+    directions = mirror_ball.pixel_directions(size).reshape(-1, 3) @ photo_from_view
+    log_soft = sample_ball(np.log(np.maximum(soft, np.float32(LEAST_RADIANCE))), directions)
+    turned: Ball = np.exp(log_soft).reshape(size, size, 3)
+    return turned
+
+
+def agreeing(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
+    """Lamps with the same flux together, more of it where they point alike; the strongest first.
+
+    Of each channel its shares count, so that a gain of white balance stays a gain.
+    """
+    if not lamps:
+        return ()
+    directions = np.stack([lamp.direction for lamp in lamps])
+    flux = np.stack([lamp.flux for lamp in lamps])
+    whole = np.maximum(flux.sum(0), LEAST_RADIANCE)
+    alike = np.exp(NEARNESS * (directions @ directions.T - 1)) @ (flux / whole).mean(1)
+    trusted = flux * (alike / alike.max())[:, None] ** TRUST
+    trusted *= whole / np.maximum(trusted.sum(0), LEAST_RADIANCE)
+    found = [
+        Lamp(lamp.direction, own, lamp.angular_radius_rad)
+        for lamp, own in zip(lamps, trusted, strict=True)
+    ]
+    strongest = max(lamp.luminous_flux for lamp in found)
+    kept = [lamp for lamp in found if lamp.luminous_flux >= LEAST_FLUX * strongest]
+    return tuple(sorted(kept, key=lambda lamp: -lamp.luminous_flux))
+
+
+def _heads(answers: Sequence[Answer], views: Sequence[Framing]) -> dict[str, float]:
+    """What the answers say besides light, on average; the pitch is the photo's."""
+    of_photo = [
+        {**answer.heads, "pitch_rad": answer.heads["pitch_rad"] - view.pitch_rad}
+        if "pitch_rad" in answer.heads
+        else answer.heads
+        for answer, view in zip(answers, views, strict=True)
+    ]
+    return {name: sum(own[name] for own in of_photo) / len(of_photo) for name in of_photo[0]}

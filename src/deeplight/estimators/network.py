@@ -6,8 +6,9 @@ import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from math import degrees, radians
 from pathlib import Path
 from typing import Any
@@ -18,14 +19,21 @@ from jaxtyping import Float32
 from deeplight.contract import LAMP_NUMBERS, ModelContract
 from deeplight.errors import ModelError, ShapeError
 from deeplight.estimators.calibration import Calibration, Use
-from deeplight.estimators.look import seen_from_photo
+from deeplight.estimators.look import Answer, seen_from_photo
 from deeplight.estimators.upright import turn_notes
 from deeplight.frames import normalised
 from deeplight.io.photo_like import PhotoLike, as_photo
 from deeplight.io.photos import Photo
 from deeplight.lamp import Lamp
 from deeplight.lighting import Lighting
-from deeplight.preprocess import FovSource, Framing, frame_photo, network_input, slid_into_photo
+from deeplight.preprocess import (
+    FovSource,
+    Framing,
+    frame_photo,
+    looks,
+    network_input,
+    slid_into_photo,
+)
 
 MAX_THREADS = 4
 """More threads than this make so small a network slower, not faster."""
@@ -50,7 +58,7 @@ class Estimate:
     Attributes:
         lighting: the result, in the photo's camera frame.
         photo: what was read.
-        framing: the part of the photo the network saw.
+        framing: the trained view in the photo; `preprocess.looks` says what the network saw.
         notes: what the user should know, one line each; the photo's own notes come first.
         seconds: time spent on "read", "prepare" and "network".
         lamps: compact lights, the strongest first, in the frame and unit of `lighting`, which holds
@@ -132,17 +140,18 @@ class NetworkEstimator(ABC):
         opened = [as_photo(photo, max_side) for photo in photos]
         read = time.perf_counter()
         framings = [self.frame(photo, fov_deg) for photo in opened]
+        views = [looks(framing) for framing in framings]
         inputs = np.stack(
-            [network_input(p.pixels, f) for p, f in zip(opened, framings, strict=True)]
+            [network_input(p.pixels, v) for p, own in zip(opened, views, strict=True) for v in own]
         )
         prepared = time.perf_counter()
-        answers = zip(*self.estimate_fully(inputs), strict=True)
+        answers = map(Answer, *self.estimate_fully(inputs))
         done = time.perf_counter()
         whole = {"read": read - started, "prepare": prepared - read, "network": done - prepared}
         seconds = {name: value / len(opened) for name, value in whole.items()}
         return [
-            self._estimate_of(photo, f, seconds, *answer)
-            for photo, f, answer in zip(opened, framings, answers, strict=True)
+            self._estimate_of(photo, framing, seconds, list(islice(answers, len(own))), own)
+            for photo, framing, own in zip(opened, framings, views, strict=True)
         ]
 
     def _estimate_of(
@@ -150,20 +159,27 @@ class NetworkEstimator(ABC):
         photo: Photo,
         framing: Framing,
         seconds: Mapping[str, float],
-        log_radiance: np.ndarray,
-        lamps: tuple[Lamp, ...],
-        heads: Mapping[str, float],
+        answers: Sequence[Answer],
+        views: Sequence[Framing],
     ) -> Estimate:
-        """One photo's estimate from the network's answer, for the camera that took it."""
-        notes = photo.notes + _notes(framing) + turn_notes(heads)
+        """One photo's estimate from the network's answers, for the camera that took it."""
         own, use = self.calibration, self.calibrated
+        notes: tuple[str, ...] = ()
         if own is not None:
-            notes += own.note(photo.camera, use)
+            notes = own.note(photo.camera, use)
             if use != "never" and not own.suits(photo.camera, use):
-                log_radiance, lamps = own.light_without(log_radiance), own.lamps_without(lamps)
-        log_radiance, lamps, heads = seen_from_photo(log_radiance, lamps, heads, framing.pitch_rad)
-        light = Lighting.from_log_radiance(log_radiance)
-        return Estimate(light, photo, framing, notes, seconds, lamps, heads)
+                answers = [
+                    replace(
+                        answer,
+                        log_radiance=own.light_without(answer.log_radiance),
+                        lamps=own.lamps_without(answer.lamps),
+                    )
+                    for answer in answers
+                ]
+        whole = seen_from_photo(answers, views)
+        notes = photo.notes + _notes(framing) + turn_notes(whole.heads) + notes
+        light = Lighting.from_log_radiance(whole.log_radiance)
+        return Estimate(light, photo, framing, notes, seconds, whole.lamps, whole.heads)
 
     def frame(self, photo: Photo, fov_deg: float | None = None) -> Framing:
         """Find the trained view in a photo: a given field of view wins over the EXIF data's."""

@@ -18,7 +18,7 @@ from deeplight.lamp import Lamp
 from deeplight.mappings import mirror_ball
 from deeplight.mappings.latlong import directions, position
 from deeplight.mappings.resample import sample_latlong, shrink_latlong
-from deeplight.preprocess import Framing
+from deeplight.preprocess import Framing, hull, looks
 from deeplight.relight import relight_rig
 from deeplight.sphere import PAPER_RIG
 
@@ -121,7 +121,8 @@ def _draw_photo(canvas: Image.Image, photo: Photo, framing: Framing) -> int:
     small = Image.fromarray(np.ascontiguousarray(photo.pixels[::step, ::step]))
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     small = small.resize(size, Image.Resampling.LANCZOS)
-    box = [framing.left * scale, framing.top * scale, framing.right * scale, framing.bottom * scale]
+    shown = hull(looks(framing))
+    box = [edge * scale for edge in (shown.left, shown.top, shown.right, shown.bottom)]
     box = [min(max(value, 0), limit) for value, limit in zip(box, size * 2, strict=True)]
     dimmed = Image.blend(small, Image.new("RGB", size, PAPER), 0.55)
     x0, y0, x1, y1 = (round(value) for value in box)

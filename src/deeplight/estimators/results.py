@@ -26,7 +26,7 @@ from deeplight.io.lighting_file import (
 )
 from deeplight.io.photos import write_png
 from deeplight.io.tilt import Tilt
-from deeplight.preprocess import frame_photo, slid_into_photo
+from deeplight.preprocess import frame_photo, hull, looks, slid_into_photo
 
 FULL_DISK_BYTES = 2**22
 """With less room than this left, a failed write is put down to a full disk."""
@@ -181,6 +181,7 @@ def _facts(estimate: Estimate, estimator: NetworkEstimator) -> dict[str, Any]:
     # The photo may have been read smaller; users speak of the pixels in their file.
     framing = frame_photo(height, width, fov, used.fov_source, estimator.contract)
     framing = slid_into_photo(framing)
+    shown = hull(looks(framing))
     return {
         "contract_version": estimator.contract.version,
         "model": {
@@ -197,12 +198,12 @@ def _facts(estimate: Estimate, estimator: NetworkEstimator) -> dict[str, Any]:
             "vertical_fov_deg": degrees(framing.vertical_fov_rad),
             "fov_source": framing.fov_source,
             "visible_fraction": framing.visible_fraction,
-            "used_fraction": framing.used_fraction,
+            "used_fraction": shown.used_fraction,
             "seen_by_the_network": {
-                "top": framing.top,
-                "bottom": framing.bottom,
-                "left": framing.left,
-                "right": framing.right,
+                "top": shown.top,
+                "bottom": shown.bottom,
+                "left": shown.left,
+                "right": shown.right,
                 "unit": "pixels of the upright photo, from its upper left corner",
             },
         },

@@ -15,14 +15,8 @@ from torch import Tensor, nn
 
 from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ConfigError
-from deeplight.lobe import LEAST_RADIANCE
+from deeplight.lobe import LEAST_RADIANCE, NEARNESS, TRUST
 from deeplight.training.network.generator import Generator
-
-NEARNESS = 8.0
-"""Concentration of the lobe within which two lamps point alike: 0.5 at 24 degrees."""
-TRUST = 8.0
-"""Power of the agreement by which flux is shared. 0 is the plain mean; chosen on validation places,
-where 8 gives the brightest light the share it has in truth."""
 
 Answer = tuple[Float[Tensor, "n 3 size size"], Float[Tensor, "n lamp 7"] | None]
 

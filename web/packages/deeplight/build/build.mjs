@@ -30,7 +30,10 @@ await build({
     },
     rollupOptions: {
       external: [/^three/, /^react/],
-      output: { chunkFileNames: "[name]-[hash].js" }, // all in one folder: the network lies next to them
+      output: {
+        chunkFileNames: "[name]-[hash].js", // all in one folder: the network lies next to them
+        minify: true, // white space, too, which Vite leaves in libraries
+      },
     },
   },
 });
@@ -39,8 +42,8 @@ let named = 0;
 for (const name of await readdir(here("dist"))) {
   const code = await readFile(here(`dist/${name}`), "utf8");
   const plain = code.replace(
-    '"./deeplight.onnx", "" + import.meta',
-    '"./deeplight.onnx", import.meta',
+    /`\.\/deeplight\.onnx`,``\+import\.meta/,
+    '"./deeplight.onnx",import.meta',
   );
   if (plain === code) continue;
   await writeFile(here(`dist/${name}`), plain);

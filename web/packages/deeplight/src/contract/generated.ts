@@ -70,7 +70,15 @@ export const LEAST_RADIANCE = 1e-06 as const;
 
 export const SLIDE = {
   "FITS": 1.07,
-  "LEAST": 1e-06
+  "LEAST": 1e-06,
+  "ROOM": 0.2,
+  "FARTHEST": 0.3249196962329063
+} as const;
+
+export const AGREEING = {
+  "NEARNESS": 8.0,
+  "TRUST": 8.0,
+  "LEAST_FLUX": 0.0001
 } as const;
 
 export const MID_GREY = 118 as const;

@@ -12,6 +12,8 @@ import { CellMeans } from "./cell-means.ts";
 import {
   type Framing,
   framePhoto,
+  hull,
+  looks,
   pitchOf,
   slidIntoPhoto,
   usedFraction,
@@ -24,6 +26,8 @@ const MODEL = new URL("../../../../../src/deeplight/weights/deeplight.onnx", imp
 const model = new Uint8Array(readFileSync(MODEL));
 const want = golden("photo");
 const contract: Contract = CONTRACT;
+const EDGES = ["top", "bottom", "left", "right"];
+const edgesOf = ({ top, bottom, left, right }: Framing) => [top, bottom, left, right];
 
 describe("the framing", () => {
   test.each(want.framings as Record<string, number>[])("is Python's: %o", (framing) => {
@@ -40,15 +44,40 @@ describe("the framing", () => {
     expect(visibleFraction(got)).toBeCloseTo(framing.visible_fraction!, 9);
     expect(usedFraction(got)).toBeCloseTo(framing.used_fraction!, 9);
     expect(got.fovSource).toBe(framing.fov_source);
-    const [slid, wanted] = [slidIntoPhoto(got), framing.slid as unknown as Record<string, number>];
-    const where = [slid.top, slid.bottom, slid.down, pitchOf(slid)];
-    const whole = [wanted.top!, wanted.bottom!, wanted.down!, wanted.pitch_rad!];
-    expect(largestError(where, whole)).toBeLessThan(1e-8);
+    const views = looks(slidIntoPhoto(got));
+    expect(views.length).toBe(framing.looks);
+    const where = (view: Framing) => [...edgesOf(view), view.down, view.aside, pitchOf(view)];
+    for (const [view, name] of [
+      [slidIntoPhoto(got), "slid"] as const,
+      [views.at(-1)!, "last_look"] as const,
+    ]) {
+      const wanted = framing[name] as unknown as Record<string, number>;
+      const whole = [...EDGES, "down", "aside", "pitch_rad"].map((key) => wanted[key]!);
+      expect(largestError(where(view), whole)).toBeLessThan(1e-8);
+    }
+    const whole = framing.hull as unknown as Record<string, number>;
+    const shown = edgesOf(hull(views));
+    expect(
+      largestError(
+        shown,
+        EDGES.map((key) => whole[key]!),
+      ),
+    ).toBeLessThan(1e-8);
   });
 
-  test("slides down in some photos and stays in others", () => {
-    const slid = (want.framings as { slid: { down: number } }[]).map((one) => one.slid.down > 0);
-    expect(new Set(slid).size).toBe(2);
+  test("slides down in some photos and stays in others, and looks again at some", () => {
+    interface Shown {
+      readonly slid: { readonly down: number };
+      readonly last_look: { readonly aside: number };
+      readonly looks: number;
+    }
+    const framings = want.framings as readonly Shown[];
+    const kinds = framings.map(({ slid, last_look, looks }) => [
+      Math.sign(slid.down),
+      Math.sign(last_look.aside),
+      looks,
+    ]);
+    for (const i of [0, 1, 2]) expect(new Set(kinds.map((kind) => kind[i])).size).toBe(2);
   });
 
   test("refuses an impossible field of view", () => {
@@ -56,28 +85,36 @@ describe("the framing", () => {
   });
 });
 
-describe("an answer of a view that looks down", () => {
-  const { given, given_lamps, given_pitch_rad, pitch_rad, ...wanted } = want.turned;
-  const numbers = { shape: given_lamps.shape, data: floats(given_lamps) };
-  const heads = { shape: [1, 1], data: Float32Array.of(given_pitch_rad) };
-  const others = new Map([
-    ["lamps", numbers],
-    ["heads", heads],
-  ]);
+describe("the answers of two looks", () => {
+  const { given, given_lamps, given_pitch_rad, views, ...wanted } = want.turned;
+  const answers = given.map((log: unknown, i: number) => ({
+    logRadiance: floats(log as never),
+    others: new Map([
+      ["lamps", { shape: given_lamps[i].shape, data: floats(given_lamps[i]) }],
+      ["heads", { shape: [1, 1], data: Float32Array.of(given_pitch_rad[i]) }],
+    ]),
+  }));
   const own = { ...contract, lamps: 2, heads: ["pitch_rad"] } as unknown as Contract;
-  const answer = { logRadiance: floats(given), others };
-  const got = seenFromPhoto(answer, own, pitch_rad);
+  const seen: Framing[] = views.map((view: Record<string, number>) => ({
+    ...framePhoto(view.photo_height!, view.photo_width!, view.vertical_fov_rad, contract),
+    down: view.down!,
+    aside: view.aside!,
+  }));
+  const got = seenFromPhoto(answers, own, seen);
 
-  test("is Python's in the photo's frame", () => {
+  test("are Python's as one in the photo's frame", () => {
     expect(largestError(got.logRadiance, floats(wanted.log_radiance))).toBeLessThan(2e-3);
-    const turned = lampsOf(got.others.get("lamps")!).map(({ direction }) => direction);
-    expect(largestError(turned.flat(), wanted.directions.flat())).toBeLessThan(1e-6);
-    expect(got.others.get("heads")!.data[0]).toBeCloseTo(wanted.head_pitch_rad, 6);
+    const lamps = lampsOf(got.others.get("lamps")!);
+    const numbers = lamps.map((lamp) => [...lamp.direction, ...lamp.flux, lamp.angularRadiusRad]);
+    expect(largestError(numbers.flat(), wanted.lamps.flat())).toBeLessThan(1e-4);
+    expect(got.others.get("heads")!.data[0]).toBeCloseTo(wanted.head_pitch_rad, 5);
   });
 
-  test("is another one unturned, and itself by no pitch", () => {
-    expect(largestError(answer.logRadiance, floats(wanted.log_radiance))).toBeGreaterThan(0.1);
-    expect(seenFromPhoto(answer, own, 0)).toBe(answer);
+  test("are others with the views exchanged, and one around the centre is itself", () => {
+    const exchanged = seenFromPhoto(answers, own, [...seen].reverse()).logRadiance;
+    expect(largestError(exchanged, floats(wanted.log_radiance))).toBeGreaterThan(0.1);
+    const centred = [{ ...seen[0]!, down: 0, aside: 0 }];
+    expect(seenFromPhoto([answers[0]], own, centred)).toBe(answers[0]);
   });
 });
 
@@ -251,6 +288,7 @@ function asFraming(entries: Record<string, number>): Framing {
     inputHeight: entries.input_height!,
     inputWidth: entries.input_width!,
     down: entries.down!,
+    aside: entries.aside!,
   };
 }
 

@@ -10,7 +10,7 @@ import type { Contract } from "../network/contract.ts";
 import { type Network, requireFinite } from "../network/network.ts";
 import { sessionFile, sessionOf } from "../save/session-file.ts";
 import { CellMeans, wholePhoto } from "./cell-means.ts";
-import { framePhoto, pitchOf, slidIntoPhoto } from "./framing.ts";
+import { framePhoto, slidIntoPhoto } from "./framing.ts";
 import { seenFromPhoto } from "./look.ts";
 import { type Frame, type Picker, sizeOf } from "./picker.ts";
 import type { FusedRequest, TrackRequest } from "./worker.ts";
@@ -58,7 +58,7 @@ export class Tracker {
   ): Promise<Tracked> {
     const network = await loading;
     const started = performance.now();
-    const { picture, planes, pitchRad } = await taken(network.contract, picker, frame, fov);
+    const { picture, planes, framing } = await taken(network.contract, picker, frame, fov);
     const { pose, isNew } = this.#held(picture, request);
     const prepared = performance.now();
     const times = { preprocessMs: prepared - started, runMs: 0, fuseMs: 0 };
@@ -67,7 +67,7 @@ export class Tracker {
       return { ...times, ...nothing, light: this.#light(request), worldFromCamera: pose };
     }
     const shown = network.estimate(planes());
-    const { logRadiance } = seenFromPhoto(shown, network.contract, pitchRad);
+    const { logRadiance } = seenFromPhoto([shown], network.contract, [framing]);
     requireFinite(logRadiance);
     const done = performance.now();
     const added = this.#add(picture, pose, logRadiance);
@@ -178,5 +178,5 @@ async function taken(contract: Contract, picker: Picker, frame: Frame, fov: numb
   const rounded = new Uint8ClampedArray(whole.rgb(isReversed, 255));
   const pixels = new Uint8Array(rounded.buffer);
   const planes = () => means.planes(contract.input_low, contract.input_high, isReversed);
-  return { picture: { ...small, pixels, verticalFovRad }, planes, pitchRad: pitchOf(framing) };
+  return { picture: { ...small, pixels, verticalFovRad }, planes, framing };
 }

@@ -22,7 +22,7 @@ import {
   surenessOf,
 } from "./confidence.ts";
 import { download } from "./download.ts";
-import { framePhoto, pitchOf, slidIntoPhoto } from "./framing.ts";
+import { framePhoto, looks, slidIntoPhoto } from "./framing.ts";
 import { seenFromPhoto } from "./look.ts";
 import { type Frame, Picker, sizeOf } from "./picker.ts";
 import { type Tracked, Tracker } from "./tracker.ts";
@@ -178,18 +178,22 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
   const started = performance.now();
   const photo = sizeOf(frame);
   const framing = slidIntoPhoto(framePhoto(photo.height, photo.width, verticalFovRad, contract));
-  const means = new CellMeans(framing);
+  const views = looks(framing);
+  const seen = views.map((view) => new CellMeans(view));
   const plane = planeOf(photo, framing.verticalFovRad);
   const small = sceneRows ? reducedSize(photo, plane, sceneRows) : null;
   const whole = small && new CellMeans(wholePhoto(photo, small));
   const asksAgain = whole !== null && contract.heads.length === 0;
-  const cuts = asksAgain ? CROPS.map((crop) => new CellMeans(cutFraming(framing, crop))) : [];
-  const isReversed = await picker.pick(frame, means, ...(whole ? [whole] : []), ...cuts);
+  const cuts = asksAgain
+    ? [framing, ...CROPS.map((crop) => cutFraming(framing, crop))].map((cut) => new CellMeans(cut))
+    : [];
+  const isReversed = await picker.pick(frame, ...seen, ...(whole ? [whole] : []), ...cuts);
   frame.close();
-  const planes = means.planes(contract.input_low, contract.input_high, isReversed);
+  const { input_low, input_high } = contract;
+  const planes = seen.map((means) => means.planes(input_low, input_high, isReversed));
   const prepared = performance.now();
-  const shown = network.estimate(planes);
-  const { logRadiance, others } = seenFromPhoto(shown, contract, pitchOf(framing));
+  const shown = planes.map((view) => network.estimate(view));
+  const { logRadiance, others } = seenFromPhoto(shown, contract, views);
   const done = performance.now();
   requireFinite(logRadiance);
   const times = { preprocessMs: prepared - started, runMs: done - prepared };
@@ -202,13 +206,14 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
   const tilt = asked.up ? { up: asked.up, scaleRad: 0 } : heads && guessedTilt(heads);
   const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract), tilt);
   if (heads) return { ...answer, scene, confidence: surenessOf(heads, logRadiance, placed) };
-  const answers = [
-    mirroredBall(network.logRadiance(mirroredPlanes(planes, contract))),
-    ...cuts.map((cut) =>
-      network.logRadiance(cut.planes(contract.input_low, contract.input_high, isReversed)),
-    ),
-  ];
-  return { ...answer, scene, confidence: confidenceOf(shown.logRadiance, answers, placed) };
+  const answers = cuts.map((cut, i) => {
+    const given = cut.planes(input_low, input_high, isReversed);
+    const again = network.logRadiance(i === 0 ? mirroredPlanes(given, contract) : given);
+    const own = i === 0 ? mirroredBall(again) : again;
+    return seenFromPhoto([{ logRadiance: own, others: new Map() }], contract, [framing])
+      .logRadiance;
+  });
+  return { ...answer, scene, confidence: confidenceOf(logRadiance, answers, placed) };
 }
 
 /** Those that the network names. */

@@ -1,7 +1,14 @@
 /** The JSON file that `deeplight estimate` writes; `deeplight convert` and `compose` read it. */
 import { CONDON_SHORTLEY, LIGHTING_FILE, SCENE_FILE, WHOLE_VIEW } from "../contract/generated.ts";
 import type { ModelFacts } from "../estimate/estimator.ts";
-import { framePhoto, slidIntoPhoto, usedFraction, visibleFraction } from "../estimate/framing.ts";
+import {
+  framePhoto,
+  hull,
+  looks,
+  slidIntoPhoto,
+  usedFraction,
+  visibleFraction,
+} from "../estimate/framing.ts";
 import { likeliestTurn } from "../estimate/upright.ts";
 import { type Environment, resized } from "../light/environment.ts";
 import { type Lamp, luminous } from "../light/lamp.ts";
@@ -136,14 +143,15 @@ function framingFacts({ photo, verticalFovRad, model, notes }: About): Record<st
   const centred = framePhoto(photo.height, photo.width, verticalFovRad, model.contract);
   const framing = slidIntoPhoto(centred);
   const visible = visibleFraction(framing);
-  const { top, bottom, left, right } = framing;
+  const shown = hull(looks(framing));
+  const { top, bottom, left, right } = shown;
   const unit = "pixels of the upright photo, from its upper left corner";
   return {
     framing: {
       vertical_fov_deg: (framing.verticalFovRad * 180) / Math.PI,
       fov_source: framing.fovSource,
       visible_fraction: visible,
-      used_fraction: usedFraction(framing),
+      used_fraction: usedFraction(shown),
       seen_by_the_network: { top, bottom, left, right, unit },
     },
     notes: [

@@ -9,7 +9,7 @@ import { encodedHdr, hdrFile } from "./hdr-file.ts";
 import { type About, jsonFile, record } from "./json-file.ts";
 
 const want = golden("photo");
-const lighting = new Lighting(floats(want.log_radiance));
+const lighting = new Lighting(floats(want.record_log_radiance));
 const about: About = {
   model: {
     file: "deeplight.onnx",
