@@ -54,7 +54,8 @@ def run(args: Args) -> None:
     console = results_console()
     for split in manifest.splits:
         places = len(manifest.places(split))
-        console.print(f"{split}: {manifest.examples(split)} in {places} places")
+        plural = "s" * (places != 1)
+        console.print(f"{split}: {manifest.examples(split)} in {places} place{plural}")
     for item in manifest.skipped:
         console.print(escape(f"skipped {item.file}: {item.reason}"), style="yellow")
     console.print(f"{missing / seconds:.0f} images/s; look at {sheet}")

@@ -88,9 +88,10 @@ def report_page(
 
 
 def _summary(results: Sequence[SplitResult]) -> str:
+    places = [len(set(result.report.places)) for result in results]
     parts = [
-        f"{r.report.split}: {len(r.report.keys)} examples in {len(set(r.report.places))} places"
-        for r in results
+        f"{r.report.split}: {len(r.report.keys)} examples in {count} place{'s' * (count != 1)}"
+        for r, count in zip(results, places, strict=True)
     ]
     return f"{', '.join(results[0].methods)} next to trivial baselines. " + "; ".join(parts) + "."
 

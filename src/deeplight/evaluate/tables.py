@@ -74,7 +74,8 @@ def ratio_table(result: SplitResult, estimator: str) -> Table:
 
 def _scene_table(summaries: Sequence[Summary], title: str) -> Table:
     examples = max(s.examples + s.undefined for s in summaries)
-    title = f"{title}: {examples} examples in {summaries[0].places} places"
+    places = summaries[0].places
+    title = f"{title}: {examples} examples in {places} place{'s' * (places != 1)}"
     table = _table(title, "mean±sd over examples, below it the 95 % interval over places")
     for text in COLUMNS.values():
         table.add_column(text, justify="right", no_wrap=True)
