@@ -64,27 +64,27 @@ def ball_from_latlong(
             the power is kept to float32's precision (from 32 rows on), and even light stays even.
     """
     texels = _TEXELS_OF_EXACT_POWER if exact_power else _TEXELS_PER_PIXEL
-    radiance = _split_texels(radiance, size, texels)
+    parts = _parts_of_texels(radiance, size, texels)
     height, width, channels = radiance.shape
-    kept = height * width <= _KEPT_UP_TO and np.array_equal(ball_from_latlong, _IDENTITY)
+    kept = height * width * parts**2 <= _KEPT_UP_TO and np.array_equal(ball_from_latlong, _IDENTITY)
     if kept:
-        pixel = _pixels_of_upright(height, width, size)
+        texel, pixel, solid_angle = _shares_of_upright(height, width, parts, size)
     else:
-        pixel = _pixels_of_texels(height, width, size, ball_from_latlong)
-    solid_angle = latlong.solid_angles(height, width)
-    area = np.bincount(pixel, solid_angle.ravel(), size * size)
+        texel, pixel, solid_angle = _shares(height, width, parts, size, ball_from_latlong)
+    area = np.bincount(pixel, solid_angle, size * size)
     ball = np.zeros((size * size, channels), np.float32)
     for channel in range(channels):
-        power = np.bincount(pixel, (radiance[..., channel] * solid_angle).ravel(), size * size)
+        values = radiance[..., channel].ravel()[texel]
+        power = np.bincount(pixel, values * solid_angle, size * size)
         if exact_power:
-            darkest = _darkest(radiance[..., channel].ravel(), pixel, size)
+            darkest = _darkest(values, pixel, size)
             own = mirror_ball.solid_angles(size).ravel()
             ball[:, channel] = darkest
             standing_out = np.maximum(power - darkest * area, 0)
             ball[:, channel] += np.divide(standing_out, own, np.zeros_like(own), where=own > 0)
         else:
             np.divide(power, area, out=ball[:, channel], where=area > 0, casting="same_kind")
-    _fill_missed(ball, area, radiance, ball_from_latlong)
+    _fill_missed(ball, area, radiance, parts, ball_from_latlong)
     return ball.reshape(size, size, channels)
 
 
@@ -197,25 +197,45 @@ def _darkest(
     return np.where(np.isfinite(least), least, 0)
 
 
-def _pixels_of_texels(
-    height: int, width: int, size: int, ball_from_latlong: Rotation
-) -> Int[np.ndarray, " texels"]:
-    """The ball pixel that each texel of a panorama falls into."""
-    directions = turned(latlong.directions(height, width), ball_from_latlong)
-    return mirror_ball.pixel_of_directions(directions, size).ravel()
+Shares = tuple[
+    Int[np.ndarray, " shares"] | slice, Int[np.ndarray, " shares"], Float[np.ndarray, " shares"]
+]
+
+
+def _shares(height: int, width: int, parts: int, size: int, ball_from_latlong: Rotation) -> Shares:
+    """The ball pixel that each texel of a panorama falls into, and its solid angle.
+
+    A texel is split into `parts` along a side. Where all of them fall into one pixel, they are one.
+
+    Returns:
+        Numbers of texels, all in turn if they are whole, and of pixels, and solid angles.
+    """
+    fine = height * parts, width * parts
+    directions = turned(latlong.directions(*fine), ball_from_latlong)
+    found = mirror_ball.pixel_of_directions(directions, size)
+    if parts == 1:
+        return slice(None), found.ravel(), latlong.solid_angles(*fine).ravel()
+    pixel, solid_angle = (
+        values.reshape(height, parts, width, parts).swapaxes(1, 2).reshape(-1, parts**2)
+        for values in (found, latlong.solid_angles(*fine))
+    )
+    is_one = (pixel == pixel[:, :1]).all(1)
+    whole, split = np.flatnonzero(is_one), np.flatnonzero(~is_one)
+    return (
+        np.concatenate([whole, split.repeat(parts**2)]),
+        np.concatenate([pixel[whole, 0], pixel[split].ravel()]),
+        np.concatenate([solid_angle[whole].sum(1), solid_angle[split].ravel()]),
+    )
 
 
 @lru_cache(maxsize=4)
-def _pixels_of_upright(height: int, width: int, size: int) -> Int[np.ndarray, " texels"]:
-    """`_pixels_of_texels` where nothing is turned: a third of the way to the ball, read-only."""
-    pixel = _pixels_of_texels(height, width, size, _IDENTITY)
-    pixel.setflags(write=False)
-    return pixel
+def _shares_of_upright(height: int, width: int, parts: int, size: int) -> Shares:
+    """`_shares` where nothing is turned: most of the way to the ball."""
+    return _shares(height, width, parts, size, _IDENTITY)
 
 
-def _split_texels(
-    radiance: Radiance, size: int, texels: int
-) -> Float[np.ndarray, "fine_height fine_width channels"]:
+def _parts_of_texels(radiance: Radiance, size: int, texels: int) -> int:
+    """Into how many along a side a panorama's texels are split for a ball pixel to get `texels`."""
     if radiance.ndim != 3 or radiance.shape[1] != 2 * radiance.shape[0]:
         raise ShapeError(
             "an equirectangular panorama twice as wide as high",
@@ -223,18 +243,19 @@ def _split_texels(
             "crop or pad it to the full sphere",
         )
     height, width, _ = radiance.shape
-    parts = int(np.ceil(np.sqrt(texels * size * size / (height * width))))
-    return radiance.repeat(parts, axis=0).repeat(parts, axis=1) if parts > 1 else radiance
+    return max(1, int(np.ceil(np.sqrt(texels * size * size / (height * width)))))
 
 
 def _fill_missed(
-    ball: np.ndarray, area: np.ndarray, radiance: Radiance, ball_from_latlong: Rotation
+    ball: np.ndarray, area: np.ndarray, radiance: Radiance, parts: int, ball_from_latlong: Rotation
 ) -> None:
     """Give rim slivers that caught no texel the radiance in their direction."""
     size = int(np.sqrt(len(ball)))
     missed = np.flatnonzero((area == 0) & (mirror_ball.coverage(size).ravel() > 0))
-    directions = mirror_ball.pixel_directions(size).reshape(-1, 3)[missed]
-    ball[missed] = sample_latlong(radiance, turned(directions, ball_from_latlong.T))
+    if len(missed):
+        directions = mirror_ball.pixel_directions(size).reshape(-1, 3)[missed]
+        fine = radiance.repeat(parts, axis=0).repeat(parts, axis=1) if parts > 1 else radiance
+        ball[missed] = sample_latlong(fine, turned(directions, ball_from_latlong.T))
 
 
 def _enlarge(ball: np.ndarray, directions: np.ndarray, weights: np.ndarray) -> np.ndarray:
