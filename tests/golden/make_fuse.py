@@ -62,6 +62,34 @@ def kept_of_a_slow_turn() -> list[int]:
     return [view.number for view in session.views]
 
 
+def other_place(number: int) -> np.ndarray:
+    """8-bit pixels of blocks; below 0 as dark as a covered lens."""
+    row, column = np.arange(HEIGHT)[:, None] // 8, np.arange(WIDTH)[None] // 8
+    value = 20 + 20 * ((7 * row + 13 * column + number * row * column) % 11)
+    shown = value if number >= 0 else value // 40
+    return np.repeat(shown[..., None], 3, 2).astype(np.uint8)
+
+
+CHANGES = ((1, 0), (1, 0), (-1, 1), (-1, 1), (-1, 1), (1, 0), (3, 1), (3, 1), (3, 1), (3, 0))
+"""Number of `other_place` and of the pose of each frame: a lens that is covered, then a cut."""
+
+
+def changes() -> list[dict[str, Any]]:
+    """What a session makes of frames in which the place is covered and left."""
+    session, steps = Session(FOV_RAD, lambda _: estimate(0)), []
+    for number, pose in CHANGES:
+        turn = world_from_camera(*POSES[pose])
+        added = session.add(other_place(number), turn, estimate(0))
+        steps.append(
+            {
+                "views": added.views,
+                "forgotten": added.forgotten,
+                "disagreement": round(added.disagreement, 6),
+            }
+        )
+    return steps
+
+
 def golden() -> dict[str, Any]:
     """What Python makes of the frames."""
     session = Session(FOV_RAD, lambda _: estimate(0))
@@ -86,6 +114,7 @@ def golden() -> dict[str, Any]:
         "vertical_fov_rad": FOV_RAD,
         "kept_of_a_slow_turn": kept_of_a_slow_turn(),
         "poses": POSES,
+        "changes": [[*change, step] for change, step in zip(CHANGES, changes(), strict=True)],
         "pixels_of_frame_1_row_48": frame(1)[48].tolist(),
         "steps": steps,
         "cells_of_frame_0": _sampled(a, a_weight),

@@ -328,6 +328,16 @@ def test_another_place_is_noticed_and_the_old_one_forgotten() -> None:
     assert len(session.views) == PATIENCE
 
 
+def test_another_light_is_noticed_by_a_camera_that_stands_still() -> None:
+    session, last = gathered(pan()), pan().frames[-1]
+    rows, columns, _ = last.pixels.shape
+    few = np.random.default_rng(0).choice([12, 40, 110, 235], (rows // 20, columns // 20, 1))
+    blocks = np.repeat(np.kron(few, np.ones((20, 20, 1))), 3, 2).astype(np.uint8)
+    added = [session.add(blocks, last.rotation) for _ in range(PATIENCE)]
+    assert added[-1].forgotten
+    assert len(session.views) == PATIENCE
+
+
 def test_the_same_place_is_not_forgotten() -> None:
     session = gathered(pan())
     again = [session.add(f.pixels, f.rotation) for f in pan().frames]

@@ -29,11 +29,13 @@ class Overlap:
     Attributes:
         difference: ln by which the others are brighter; 0 where nothing is shared.
         weight: how sure that is: shared solid angle less outliers, sr.
+        shared: shared solid angle with its outliers, summed over the channels, sr.
         disagreement: mean of |rest| beyond that difference, ln: of the same sky about 0.1.
     """
 
     difference: Float[np.ndarray, "views 3"]
     weight: Float[np.ndarray, "views 3"]
+    shared: Float[np.ndarray, " views"]
     disagreement: Float[np.ndarray, " views"]
 
 
@@ -59,7 +61,7 @@ def overlaps(
         weight = shared / (1 + ((beyond - difference[:, None]) / scale) ** 2)
         difference = (weight * beyond).sum(1) / np.maximum(weight.sum(1), 1e-12)
     rest = (shared * np.abs(beyond - difference[:, None])).sum((1, 2)) / total.sum(1)
-    return Overlap(difference, weight.sum(1), rest)
+    return Overlap(difference, weight.sum(1), shared.sum((1, 2)), rest)
 
 
 def solve_gains(

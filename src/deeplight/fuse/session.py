@@ -33,7 +33,9 @@ LIKE_EXPOSURE = 0.5
 CHANGED = 0.45
 """Mean disagreement, ln, of a view with the sky so far that speaks of another light or place."""
 LEAST_OVERLAP_SR = 0.05
-"""Views that share less than this are not asked whether they agree."""
+MUCH_OVERLAP_SR = 0.15
+"""Views that agree about less than the first are not asked whether they agree, unless they share
+this: then they contradict each other."""
 PATIENCE = 3
 """This number of such views in a row, and what was before them is forgotten."""
 _VERSION = 1
@@ -215,7 +217,7 @@ class Session:
         self._sure[slot, :slot] = self._sure[:slot, slot] = found.weight
         self._differences[slot, slot] = self._sure[slot, slot] = 0
         sure = found.weight.sum(1)
-        overlapping = sure > LEAST_OVERLAP_SR
+        overlapping = (sure > LEAST_OVERLAP_SR) | (found.shared > MUCH_OVERLAP_SR)
         before = view.number - self._strange  # later ones may be of the new place
         overlapping &= np.array([other.number < before for other in self._views[:slot]], bool)
         if not overlapping.any():

@@ -312,6 +312,7 @@ export const FUSE = {
   "LIKE_EXPOSURE": 0.5,
   "CHANGED": 0.45,
   "LEAST_OVERLAP_SR": 0.05,
+  "MUCH_OVERLAP_SR": 0.15,
   "PATIENCE": 3,
   "VERSION": 1
 } as const;

@@ -1,5 +1,6 @@
 /** The frames of one place, one after the other: an estimate where something moved, and the light of all. */
 
+import { FUSE } from "../contract/generated.ts";
 import { EstimateError } from "../errors.ts";
 import { type Added, Session } from "../fuse/session.ts";
 import { type SmallPicture, smallSize } from "../fuse/view.ts";
@@ -47,6 +48,8 @@ export class Tracker {
   /** The light of what is known has been given. */
   #isLit = false;
   #lost = 0;
+  /** The last picture contradicted what was known: the next ones decide, however still they are. */
+  #isDoubted = false;
 
   /** Takes in a frame, which is closed. */
   async next(
@@ -62,7 +65,7 @@ export class Tracker {
     const { pose, isNew } = this.#held(picture, request);
     const prepared = performance.now();
     const times = { preprocessMs: prepared - started, runMs: 0, fuseMs: 0 };
-    if (!pose || this.#isStill(picture, pose)) {
+    if (!pose || (this.#isStill(picture, pose) && !this.#isDoubted)) {
       const nothing = { isStill: pose !== null, isNew: false, added: null };
       return { ...times, ...nothing, light: this.#light(request), worldFromCamera: pose };
     }
@@ -122,6 +125,7 @@ export class Tracker {
     this.#visual.reset();
     this.#last = null;
     this.#lost = 0;
+    this.#isDoubted = false;
   }
 
   /** How the camera is held: as was said, else as the pictures show. */
@@ -132,9 +136,14 @@ export class Tracker {
     if (changed) this.leave();
     this.#isVisual = isVisual;
     if (said) return { pose: said, isNew: changed };
-    const pose = this.#visual.next(picture, start);
+    // A covered lens is no other place.
+    if (this.#last && isDark(picture)) return { pose: null, isNew: changed };
+    let pose = this.#visual.next(picture, start);
     this.#lost = pose ? 0 : this.#lost + 1;
     if (this.#lost < PATIENCE) return { pose, isNew: changed };
+    pose = this.#visual.findAgain(picture);
+    this.#lost = 0;
+    if (pose) return { pose, isNew: changed };
     this.leave();
     return { pose: this.#visual.next(picture, start), isNew: true };
   }
@@ -144,6 +153,7 @@ export class Tracker {
     this.#last = { picture, pose };
     this.#logGain = added.logGain;
     this.#isLit = false;
+    this.#isDoubted = added.disagreement > FUSE.CHANGED && !added.forgotten;
     return added;
   }
 
@@ -164,6 +174,11 @@ export class Tracker {
     this.#isLit = true;
     return this.#session.environment(rows, IDENTITY, this.#logGain, true);
   }
+}
+
+/** Whether there is more noise and rounding than light, as where a hand covers the lens. */
+function isDark({ pixels }: SmallPicture): boolean {
+  return pixels.reduce((sum, value) => sum + value, 0) < FUSE.DARKEST * pixels.length;
 }
 
 /** The network's input and the small picture that is kept, of a frame, which is closed. */

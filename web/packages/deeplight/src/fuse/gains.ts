@@ -14,6 +14,8 @@ export interface Overlap {
   readonly difference: readonly number[];
   /** How sure that is: shared solid angle less outliers, sr. */
   readonly weight: readonly number[];
+  /** Shared solid angle with its outliers, summed over the channels, sr. */
+  readonly shared: number;
   /** Mean of |rest| beyond that difference, ln: of the same sky about 0.1. */
   readonly disagreement: number;
 }
@@ -52,7 +54,7 @@ export function overlapOf(own: Cells, ownPlaces: Int32Array, other: Cells): Over
     rest += found.rest;
     whole += Math.max(found.whole, 1e-12);
   }
-  return { difference, weight, disagreement: rest / whole };
+  return { difference, weight, shared: whole, disagreement: rest / whole };
 }
 
 /** The value round which most lie, and how much does. */

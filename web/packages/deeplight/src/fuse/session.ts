@@ -11,7 +11,15 @@ import { environmentOf } from "./merge.ts";
 import { type Kept as Shown, Steadily } from "./steady.ts";
 import { type Cells, cellsOf, logPower, type SmallPicture, type View } from "./view.ts";
 
-const { CHANGED, LEAST_OVERLAP_SR, LIKE_EXPOSURE, MOST_VIEWS, NEAR_RAD, PATIENCE } = FUSE;
+const {
+  CHANGED,
+  LEAST_OVERLAP_SR,
+  LIKE_EXPOSURE,
+  MOST_VIEWS,
+  MUCH_OVERLAP_SR,
+  NEAR_RAD,
+  PATIENCE,
+} = FUSE;
 
 /** What became of a frame. */
 export interface Added {
@@ -183,7 +191,7 @@ export class Session {
     const before = newest.view.number - this.#strange; // later ones may be of the new place
     let [sum, whole] = [0, 0];
     for (const other of this.#kept) {
-      const { difference, weight, disagreement } = overlapOf(
+      const { difference, weight, shared, disagreement } = overlapOf(
         newest.cells,
         newest.places,
         other.cells,
@@ -191,7 +199,8 @@ export class Session {
       newest.with.set(other, { difference, weight });
       other.with.set(newest, { difference: difference.map((value) => -value), weight });
       const sure = weight.reduce((a, b) => a + b, 0);
-      if (sure <= LEAST_OVERLAP_SR || other.view.number >= before) continue;
+      const isAsked = sure > LEAST_OVERLAP_SR || shared > MUCH_OVERLAP_SR;
+      if (!isAsked || other.view.number >= before) continue;
       sum += sure * disagreement;
       whole += sure;
     }

@@ -86,6 +86,11 @@ export class VisualRotation {
     this.#isAstray = true;
   }
 
+  /** How the camera was held for a picture that does not go on from the one before; null if for none known. */
+  findAgain(picture: SmallPicture): Matrix3x3 | null {
+    return this.#findAnywhere(pyramidOf(picture));
+  }
+
   /** Begins anew with the next picture. */
   reset(): void {
     this.#keys = [];
