@@ -28,7 +28,9 @@ from deeplight.estimators import (
     projection,
     sureness,
     surroundings,
+    tilt,
     upright,
+    upright_edges,
 )
 from deeplight.estimators.environment import assemble
 from deeplight.estimators.network import WHOLE_VIEW, lamps_of
@@ -113,6 +115,7 @@ def constants() -> dict[str, Any]:
         "PHOTO_LIGHT": numbers_of(projection, surroundings, lamps),
         "CONTINUATION": numbers_of(continuation),
         "UPRIGHT": numbers_of(upright),
+        "UPRIGHT_EDGES": {"SURE_RAD": tilt.SURE_RAD, **numbers_of(upright_edges)},
     }
 
 

@@ -7,7 +7,7 @@ export interface Packed {
 }
 
 // biome-ignore lint/suspicious/noExplicitAny: the file's shape is what the tests check
-export function golden(name: "light" | "photo" | "scene" | "exif" | "transfer"): any {
+export function golden(name: "light" | "photo" | "scene" | "exif" | "transfer" | "edges"): any {
   return JSON.parse(readFileSync(new URL(`golden/${name}.json`, import.meta.url), "utf-8"));
 }
 

@@ -7,6 +7,7 @@ thought of the pitch before them. Where no tilt stands out, as in grass or a fac
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import radians, tan
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
@@ -20,18 +21,19 @@ from deeplight.io.tilt import Tilt
 SOURCE = "upright edges"
 LEAST_EVIDENCE = 12.0
 """How far, in standard deviations of chance, the best tilt must stand out of all."""
-_HELD = Tilt(float(np.radians(-8)), 0.0, "how cameras are held", float(np.radians(22)))
-_ROLL_RAD = float(np.radians(2.5))  # two of three cameras are held straighter
+_HELD_PITCH_RAD, _HELD_SCALE_RAD = radians(-8), radians(22)
+_HELD = Tilt(_HELD_PITCH_RAD, 0.0, "how cameras are held", _HELD_SCALE_RAD)
+_ROLL_RAD = radians(2.5)  # two of three cameras are held straighter
 _SIDE = 256  # pixels along the longer side, or up to 1.5 times as many
 _MOST, _FEWEST = 1000, 50  # edges: the strongest
-_STEEPEST_LEAN = float(np.tan(np.radians(35)))  # an upright edge leans by less in the picture
+_STEEPEST_LEAN = tan(radians(35))  # an upright edge leans by less in the picture
 _LEAST_STEP = 5  # of 255, from one pixel to the next
-_AGREES_RAD = float(np.radians(4))  # an edge that is off by more does not count
-_SPREAD = _AGREES_RAD / np.radians(70)  # of all edges that may lean, those that agree by chance
+_AGREES_RAD = radians(4)  # an edge that is off by more does not count
+_SPREAD = _AGREES_RAD / radians(70)  # of all edges that may lean, those that agree by chance
 _TRUST = 0.3  # neighbouring pixels are one edge: of their number so much counts
-_LEAST_SCALE_RAD = float(np.radians(3))  # nobody's word is better, nor is that of all edges
-_PITCHES = np.radians(np.arange(-63.0, 46.0, 3.0))
-_ROLLS = np.radians(np.arange(-8.0, 9.0, 4.0))
+_LEAST_SCALE_RAD = radians(3)  # nobody's word is better, nor is that of all edges
+_PITCHES_DEG, _ROLLS_DEG = (-63, 46, 3), (-8, 9, 4)  # from, up to, step
+_PITCHES, _ROLLS = (np.radians(np.arange(*degrees)) for degrees in (_PITCHES_DEG, _ROLLS_DEG))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +111,13 @@ def tilt_with_edges(
 
 def upright_edges(pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane) -> Edges | None:
     """The strongest edges that lean by less than 35 degrees; None where there are hardly any."""
-    step = max(1, round(max(pixels.shape[:2]) / _SIDE))
-    grey = Image.fromarray(np.ascontiguousarray(pixels)).convert("L")
-    level = np.asarray(grey.reduce(step)).astype(np.int16)
+    rows, columns, _ = pixels.shape
+    step = max(1, round(max(rows, columns) / _SIDE))
+    if min(rows, columns) < 3 * step:
+        return None
+    whole = (0, 0, columns // step * step, rows // step * step)
+    cells = Image.fromarray(np.ascontiguousarray(pixels)).reduce(step, whole)
+    level = np.asarray(cells.convert("L")).astype(np.int16)  # in this order, as on the page
     right, up = _gradient(level)
     candidates = (np.abs(right) > 8 * _LEAST_STEP) & (np.abs(up) < _STEEPEST_LEAN * np.abs(right))
     chosen = np.flatnonzero(candidates)
@@ -120,10 +126,9 @@ def upright_edges(pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane
     across = np.stack([right.ravel()[chosen], up.ravel()[chosen]], axis=1).astype(np.float32)
     steepness = np.hypot(*across.T)
     if len(chosen) > _MOST:
-        strongest = np.argpartition(-steepness, _MOST)[:_MOST]
+        strongest = np.argsort(-steepness, kind="stable")[:_MOST]  # of equal ones, the upper
         chosen, across, steepness = chosen[strongest], across[strongest], steepness[strongest]
     row, column = np.divmod(chosen, right.shape[1])
-    rows, columns, _ = pixels.shape
     x = plane.left + (column + 1.5) * step / columns * (plane.right - plane.left)
     y = plane.top + (row + 1.5) * step / rows * (plane.bottom - plane.top)
     weight = np.sqrt(steepness)  # a bright lamp's edge is no better than a door's

@@ -32,7 +32,7 @@ export interface LoadOptions {
 export interface EstimateOptions {
   /** Of the whole upright picture; else what a JPEG file gives, else 66 degrees along the long side. */
   readonly verticalFovRad?: number | undefined;
-  /** Against gravity, in the camera's frame; else what a JPEG file gives, else the network's guess. With `rows`. */
+  /** Against gravity, in the camera's frame; else what a JPEG file gives, else what is seen in it. With `rows`. */
   readonly up?: Vector3 | undefined;
   /**
    * Puts the photo's own pixels where the camera looked, and lamps at their size, into a panorama of

@@ -90,7 +90,7 @@ export class Estimator {
 
   /**
    * The light of an upright, opaque frame, which is closed. Without a field of view the long side is
-   * taken to span 66 degrees, without `up` it is the network's guess. Null when a newer frame took its place, after `close`, and where
+   * taken to span 66 degrees, without `up` it is what is seen in it. Null when a newer frame took its place, after `close`, and where
    * `loaded` fails.
    *
    * @param sceneRows also puts the photo into its light: a panorama of this number of rows.

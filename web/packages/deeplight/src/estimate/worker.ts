@@ -26,7 +26,7 @@ import { framePhoto, looks, slidIntoPhoto } from "./framing.ts";
 import { seenFromPhoto } from "./look.ts";
 import { type Frame, Picker, sizeOf } from "./picker.ts";
 import { type Tracked, Tracker } from "./tracker.ts";
-import { guessedTilt } from "./upright.ts";
+import { edgeGrid, seenTilt } from "./upright-edges.ts";
 
 interface WithFrame {
   readonly frame: Frame;
@@ -127,7 +127,7 @@ self.onmessage = ({ data }: MessageEvent<Request>) => {
         ? tracker
             .next(whenLoaded(), picker, data.frame, data.verticalFovRad, data.track)
             .then((tracked) => ({ tracked }))
-        : estimate(data);
+        : estimate(data).finally(() => data.frame.close());
     answer.then(reply, (error: unknown) => reply({ failed: faultOf(error) }));
   }
 };
@@ -188,7 +188,7 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
     ? [framing, ...CROPS.map((crop) => cutFraming(framing, crop))].map((cut) => new CellMeans(cut))
     : [];
   const isReversed = await picker.pick(frame, ...seen, ...(whole ? [whole] : []), ...cuts);
-  frame.close();
+  if (!whole) frame.close(); // soon: a camera has few
   const { input_low, input_high } = contract;
   const planes = seen.map((means) => means.planes(input_low, input_high, isReversed));
   const prepared = performance.now();
@@ -203,7 +203,12 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
   const placed = { ...small, pixels: whole.rgb(isReversed), plane };
   const ball = radianceOfBall(logRadiance, contract.output_size);
   const heads = headsIn(others, contract);
-  const tilt = asked.up ? { up: asked.up, scaleRad: 0 } : heads && guessedTilt(heads);
+  const tilt = asked.up
+    ? { up: asked.up, scaleRad: 0 }
+    : await seenTilt(heads, plane, async () => {
+        const cells = new CellMeans(edgeGrid(photo));
+        return { grid: cells.grid, pixels: cells.rgb(await picker.pick(frame, cells), 255) };
+      });
   const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract), tilt);
   if (heads) return { ...answer, scene, confidence: surenessOf(heads, logRadiance, placed) };
   const answers = cuts.map((cut, i) => {
