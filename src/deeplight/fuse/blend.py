@@ -37,7 +37,7 @@ def blended(
     log_gain: Float[np.ndarray, "views 3"],
     trust: Float[np.ndarray, "views cells"],
     directions: Float32[np.ndarray, "height width 3"],
-    at_once: int = 2**17,
+    at_once: int = 2**16,
 ) -> Seen:
     """Lay all views into a panorama whose texels look along `directions`, world.
 
@@ -62,7 +62,10 @@ def _band(
     directions: Float32[np.ndarray, "n 3"],
 ) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, " n"], Float32[np.ndarray, " n"]]:
     """What `Seen` has, along some directions."""
-    samples = [_Sampled.of(view, directions) for view in views]
+    sampled = [_Sampled.of(view, directions) for view in views]
+    shown = [k for k, one in enumerate(sampled) if one is not None]
+    samples = [one for one in sampled if one is not None]
+    scales, trust = scales[shown], trust[shown]
     share = np.zeros(len(directions), np.float32)
     bound, bound_weight = (np.zeros((len(directions), 3), np.float32) for _ in range(2))
     for k, one in enumerate(samples):
@@ -112,9 +115,10 @@ class _Sampled:
     nearby: np.ndarray
 
     @classmethod
-    def of(cls, view: View, directions: np.ndarray) -> "_Sampled":
+    def of(cls, view: View, directions: np.ndarray) -> "_Sampled | None":
+        """None if the view shows none of the directions."""
         at, own = _texels(view, directions)
-        return cls(at, *_interpolated(view, own))
+        return cls(at, *_interpolated(view, own)) if len(at) else None
 
 
 def _texels(view: View, directions: np.ndarray) -> tuple[np.ndarray, Float32[np.ndarray, "n 3"]]:
