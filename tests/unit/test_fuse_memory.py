@@ -1,7 +1,9 @@
 """What fusing keeps in memory does not grow with the number of frames."""
 
+import re
 import tracemalloc
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -43,6 +45,17 @@ def test_pictures_of_a_clip_wait_on_the_disk() -> None:
     assert all((frame.pixels == frame.number % 256).all() for frame in frames)
     few, many = (held_by(lambda n=n: thinned(source(n))) for n in (20, 120))
     assert many - few < FRAME_BYTES * 100
+
+
+def test_a_full_disk_is_named(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")  # Windows limits no file's size
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    try:
+        with pytest.raises(OSError, match=re.escape(str(tmp_path))):
+            thinned(source(9), tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def test_features_are_bytes_and_their_places() -> None:

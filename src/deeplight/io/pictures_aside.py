@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryFile, gettempdir
 from typing import Any
 
 import numpy as np
@@ -22,18 +22,23 @@ class PicturesAside:
 
     def __init__(self, folder: Path | None = None) -> None:
         self._file = TemporaryFile(dir=folder)  # noqa: SIM115 (as long as its pictures)
+        self._where = f"temporary file in {folder or gettempdir()}"
         self._end = 0
 
     def add(self, pixels: UInt8[np.ndarray, "height width 3"]) -> "PictureAside":
         """Write a picture behind the others.
 
         Raises:
-            OSError: the disk is full.
+            OSError: the disk is full; it says which.
         """
         aside = PictureAside(self, self._end, (len(pixels), pixels.shape[1], 3))
-        self._file.seek(self._end)
-        self._file.write(np.ascontiguousarray(pixels).tobytes())
-        self._file.flush()
+        try:
+            self._file.seek(self._end)
+            self._file.write(np.ascontiguousarray(pixels).tobytes())
+            self._file.flush()
+        except OSError as error:  # a file without a name gives none to its errors
+            error.filename = self._where
+            raise
         self._end = self._file.tell()
         return aside
 
