@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from deeplight.cli.fuse import Args, _kept
+from deeplight.errors import ConfigError
 from deeplight.fuse import clip as clip_module
 from deeplight.fuse.clip import STRETCH_S, clip_frames
 from deeplight.fuse.frame import SourceFrame
@@ -80,6 +82,24 @@ def test_a_finished_stretch_is_taken_as_it_is(film: Path, tmp_path: Path) -> Non
     assert held is not None
     folder.keep("stretch_000001", **{**held, "pixels": held["pixels"] // 2})
     assert listed(clip_frames(film, folder)) != wanted
+
+
+def test_a_run_with_other_settings_leaves_the_parts_of_one_that_is_going(
+    film: Path, tmp_path: Path
+) -> None:
+    one, other = Args(sources=(film,), out=tmp_path), Args(sources=(film,), out=tmp_path, fov=50)
+    with _kept([film], one) as going:
+        going.keep("tracked", places=np.arange(3))
+        with pytest.raises(ConfigError, match="still going"), _kept([film], other):
+            pass
+        assert going.has("tracked")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_parts_of_other_settings_are_thrown_away(tmp_path: Path) -> None:
+    kept(tmp_path).keep("tracked", places=np.arange(3))
+    assert kept(tmp_path).has("tracked")
+    assert not KeptFolder(tmp_path / ".kept", b"another key").has("tracked")
 
 
 def test_each_stretch_is_read_once(

@@ -120,8 +120,10 @@ def _kept(paths: list[Path], args: Args) -> Iterator["KeptFolder | None"]:
         yield None
         return
     files = [paths[0], args.model or shipped_model(), *([args.front] if args.front else [])]
-    kept = KeptFolder(args.out / f".{fitted(paths[0].stem)}.fusing", made_of(files, args.fov))
-    with only_run(kept.folder):
+    key = made_of(files, args.fov)
+    folder = args.out / f".{fitted(paths[0].stem)}.fusing"
+    with only_run(folder):  # before a look inside: another run's parts are not this one's to take
+        kept = KeptFolder(folder, key)
         try:
             yield kept
             kept.remove()

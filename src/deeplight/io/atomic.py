@@ -202,7 +202,7 @@ def results_folder(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if made and not any(path.iterdir()):
+        if made and path.is_dir() and not any(path.iterdir()):
             path.rmdir()
 
 

@@ -42,10 +42,10 @@ class KeptFolder:
     def __init__(self, folder: Path, key: bytes) -> None:
         self.folder = folder
         digest, record = sha256(key).hexdigest(), folder / _KEY
-        if folder.is_dir() and (not record.is_file() or record.read_text() != digest):
-            shutil.rmtree(folder)
-        if not folder.is_dir():
-            folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        if not record.is_file() or record.read_text() != digest:
+            for part in folder.iterdir():  # the folder stays: a run's lock may lie on it
+                part.unlink()
             with replacing(record) as temporary:
                 temporary.write_text(digest)
 
