@@ -78,11 +78,12 @@ def test_samples_of_one_band_alone_are_in_memory() -> None:
     directions, several = latlong.directions(64, 128), views(8)
     gains, trust = np.zeros((8, 3)), np.ones((8, CELLS), np.float32)
     found, most = [], []
-    for at_once in (2**30, 3000):
+    blended(several, gains, trust, directions)  # what is worked out once is no matter here
+    for at_once in (2**30, 1000):
         tracemalloc.start()
         found.append(blended(several, gains, trust, directions, at_once))
         most.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    assert most[1] < 0.6 * most[0], most
+    assert most[1] < 0.7 * most[0], most
     for part in ("radiance", "share", "clipped"):
         np.testing.assert_array_equal(*(getattr(seen, part) for seen in found))
