@@ -43,7 +43,7 @@ from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.projection import ImagePlane
 from deeplight.estimators.protocol import Estimator
 from deeplight.estimators.sureness import glow_rad
-from deeplight.estimators.upright import guessed_tilt
+from deeplight.estimators.tilt import seen_tilt
 from deeplight.evaluate.baselines.suite import baselines_for
 from deeplight.harmonics import DominantLight, dominant_light
 from deeplight.io.photos import write_png
@@ -162,7 +162,7 @@ def scene_of(
     whole = model.contract
     plane = ImagePlane(-whole.right, whole.right, whole.bottom, whole.top)
     light = Lighting.from_log_radiance(log_radiance[0])
-    tilt = guessed_tilt(heads)
+    tilt = seen_tilt(background, plane, heads)
     return assemble(light, background, plane, LATLONG_HEIGHT, lamps, tilt=tilt), heads
 
 
