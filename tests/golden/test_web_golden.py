@@ -69,8 +69,7 @@ def differences(stored: Any, fresh: Any, path: str = "") -> list[str]:
 def _close(stored: np.ndarray, fresh: np.ndarray) -> bool:
     if stored.shape != fresh.shape:
         return False
-    # A coefficient near 0 is what is left of larger numbers, and so is its rounding.
-    scale = max(float(np.abs(fresh).max(initial=0)), 5e-3)
+    scale = max(float(np.abs(fresh).max(initial=0)), 1e-6)
     return bool(np.abs(stored - fresh).max(initial=0) <= 1e-4 * scale)
 
 
