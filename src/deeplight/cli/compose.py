@@ -51,9 +51,11 @@ class Args:
     camera_height: float = 1.4
     """Metres from the surface up to the camera."""
     pitch: float | None = None
-    """Degrees the camera looks up. Default: from EXIF, else -15."""
+    """Degrees the camera looks up. Default: from EXIF, else as the network and upright edges in the
+    photo say, else -15."""
     roll: float | None = None
-    """Degrees the camera is turned counter-clockwise. Default: from EXIF, else 0."""
+    """Degrees the camera is turned counter-clockwise. Default: from EXIF, else as upright edges
+    say, else 0."""
     fov: float | None = None
     """Vertical field of view in degrees. Default: from EXIF, else 66 along the long side."""
     below: Literal["surface", "estimate"] = "surface"
