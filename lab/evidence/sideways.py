@@ -3,8 +3,10 @@
 python -m lab.evidence.sideways data/sim HDRI_FOLDER [--yaws 5]
 
 Films upright and lying 4:3 photos in the panoramas of the validation and test places, turns each by
-quarters, and prints for limits of the chance that it should be turned: the part of the upright ones
-that would be noted, of the turned ones, and how many of these are to be turned so as is said.
+quarters, and prints for limits of the chances that it should be turned so and that it lies on
+either side, the shipped ones last: the part of the upright ones
+that would be noted, of the turned ones, of how many of these a note says which way (the others lie
+on their side, left or right), and how often that is the right one.
 """
 
 import argparse
@@ -16,7 +18,7 @@ import numpy as np
 from deeplight.camera import PinholeCamera
 from deeplight.dataset import open_dataset
 from deeplight.estimators.onnx import OnnxEstimator
-from deeplight.estimators.upright import likeliest_turn
+from deeplight.estimators.upright import LYING_CHANCE, SURE_CHANCE, likeliest_turn, lying
 from deeplight.frames import turned, world_from_camera
 from deeplight.io.photos import Photo
 from deeplight.mappings.resample import sample_latlong
@@ -24,7 +26,7 @@ from deeplight.simulate.panorama import Place, load
 from deeplight.simulate.phone import PHONES, develop, draw_automatics, metered
 
 FOV_RAD = {(256, 192): float(np.radians(67)), (192, 256): float(np.radians(53))}  # 26 mm
-LIMITS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
+LIMITS = (*((limit, limit) for limit in (0.5, 0.6, 0.7, 0.8, 0.9)), (SURE_CHANCE, LYING_CHANCE))
 
 
 def main(args: argparse.Namespace) -> None:
@@ -54,25 +56,28 @@ def filmed(file: Path, place: str, yaws: int) -> Iterator[np.ndarray]:
             yield develop(seen, setting.gain, automatics, 4, rng)
 
 
-def said(model: OnnxEstimator, upright: np.ndarray, quarters: int) -> tuple[int, int, float]:
-    """By how many quarters clockwise it should be turned, in truth and as said, and the chance."""
+def said(model: OnnxEstimator, upright: np.ndarray, quarters: int) -> tuple[int, int, float, float]:
+    """By how many quarters clockwise it should be turned, in truth and as said, the chance of that,
+    and the chance that it lies on its side."""
     pixels = np.ascontiguousarray(np.rot90(upright, quarters))  # counter-clockwise
     fov = np.degrees(FOV_RAD[pixels.shape[0], pixels.shape[1]])
-    turn, chance = likeliest_turn(model.explain(Photo(pixels), float(fov)).heads)
-    return quarters, turn // 90, chance if turn else 0.0
+    heads = model.explain(Photo(pixels), float(fov)).heads
+    turn, chance = likeliest_turn(heads)
+    return quarters, turn // 90, chance if turn else 0.0, lying(heads)
 
 
 def report(split: str, rows: np.ndarray) -> None:
-    true, found, chance = rows.T
+    true, found, chance, on_side = rows.T
     upright = true == 0
     print(f"{split}: {upright.sum()} photos, each in four turns")
-    for limit in LIMITS:
-        noted = chance >= limit
-        right = (found == true)[noted & ~upright]
+    for limit, of_side in LIMITS:
+        which = (chance >= limit) & ~upright
+        noted = (chance >= limit) | (on_side >= of_side)
+        right = (found == true)[which]
         print(
-            f"  from {limit:.2f}: upright noted {noted[upright].mean():6.1%}, "
-            f"turned noted {noted[~upright].mean():6.1%}, of these to be turned as said "
-            f"{right.mean() if len(right) else np.nan:6.1%}"
+            f"  from {limit:.2f} and {of_side:.2f}: upright noted {noted[upright].mean():6.1%}, "
+            f"turned noted {noted[~upright].mean():6.1%}, which way {which[~upright].mean():6.1%}, "
+            f"of these right {right.mean() if len(right) else np.nan:6.1%}"
         )
 
 

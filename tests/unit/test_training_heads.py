@@ -12,7 +12,7 @@ from deeplight.deploy import onnx
 from deeplight.deploy.network import Refinement, write_network
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.sureness import Sureness, camera_record, sureness_of
-from deeplight.estimators.upright import SURE_CHANCE, turn_notes
+from deeplight.estimators.upright import SURE_CHANCE, guessed_tilt, turn_notes
 from deeplight.training import heads as teaching
 from deeplight.training.heads import (
     SCALES,
@@ -175,4 +175,7 @@ def test_a_photo_on_its_side_is_noted_where_the_network_is_sure() -> None:
     assert Sureness(lying, True).sentences[0] == note
     assert Sureness(lying, True).words["direction"] == "not known"
     assert turn_notes(heads | {"upright_0": 0.9}) == ()
-    assert turn_notes(heads | {"upright_270": SURE_CHANCE - 0.01}) == ()
+    assert turn_notes(heads | {"upright_90": 0.1, "upright_270": SURE_CHANCE - 0.01}) == ()
+    either = heads | {"upright_0": 0.04, "upright_90": 0.51, "upright_270": 0.45}
+    assert "one way or the other" in turn_notes(either)[0]
+    assert guessed_tilt(either | {"pitch_rad": 0.1, "pitch_scale": 0.1}) is None

@@ -378,7 +378,8 @@ export const CONTINUATION = {
 } as const;
 
 export const UPRIGHT = {
-  "SURE_CHANCE": 0.6
+  "SURE_CHANCE": 0.6,
+  "LYING_CHANCE": 0.7
 } as const;
 
 export const UPRIGHT_EDGES = {

@@ -126,6 +126,9 @@ test("up is known by the network's pitch, but not of a photo on its side", () =>
   expect(guessedTilt(heads)!.scaleRad).toBe(0.1);
   expect(guessedTilt({ ...heads, upright_0: 0.41, upright_90: 0.59 })).not.toBeNull();
   expect(guessedTilt({ ...heads, upright_0: 0.39, upright_90: 0.61 })).toBeNull();
+  const either = { upright_0: 0.29, upright_90: 0.36, upright_270: 0.35 };
+  expect(guessedTilt({ ...heads, ...either })).toBeNull();
+  expect(guessedTilt({ ...heads, ...either, upright_90: 0.34 })).not.toBeNull();
 });
 
 describe("cell means", () => {

@@ -16,7 +16,9 @@ export function likeliestTurn(heads: Readonly<Record<string, number>>): {
 /** The network's guess of the tilt, without roll. Null where it takes the photo to need turning. */
 export function guessedTilt(heads: Readonly<Record<string, number>>): Tilt | null {
   const { turn, chance } = likeliestTurn(heads);
+  const lying = heads.upright_90! + heads.upright_270!;
   if (turn !== 0 && chance >= UPRIGHT.SURE_CHANCE) return null;
+  if (lying >= UPRIGHT.LYING_CHANCE) return null;
   const pitch = heads.pitch_rad!;
   return { up: [0, Math.cos(pitch), -Math.sin(pitch)], scaleRad: heads.pitch_scale! };
 }
