@@ -1,5 +1,6 @@
 """A file is written whole or not at all."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -29,6 +30,18 @@ def test_the_file_appears_only_at_the_end(tmp_path: Path) -> None:
         assert temporary.suffix == ".exr"
     assert target.read_text() == "whole"
     assert [entry.name for entry in target.parent.iterdir()] == ["light.exr"]
+
+
+def test_a_full_disk_is_said_by_the_name_of_the_file(tmp_path: Path) -> None:
+    target = tmp_path / "light.npz"
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as a write raises it
+    with pytest.raises(OSError, match="light") as caught, replacing(target):
+        raise full
+    assert caught.value.filename == str(target)
+    other = OSError(errno.EIO, os.strerror(errno.EIO))  # perhaps of what is read meanwhile
+    with pytest.raises(OSError) as caught, replacing(target):  # noqa: PT011
+        raise other
+    assert caught.value.filename is None
 
 
 @pytest.mark.parametrize("failure", [ValueError, KeyboardInterrupt])

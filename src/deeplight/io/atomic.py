@@ -20,6 +20,7 @@ MAX_NAME_BYTES = 255
 LONGEST_SUFFIX = 20
 LONGEST_ADDITION = 30  # a frame's number and ".preview.png", say
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LEFTOVER = re.compile(r"\..*\.dl-(?P<where>[0-9a-f]{8})-(?P<process>[0-9a-f]+)-[0-9a-f]{8}(\..*)?")
 
 
@@ -71,11 +72,13 @@ def check_writable(path: Path) -> None:
 
 @contextmanager
 def _named(path: Path, temporary: Path) -> Iterator[None]:
-    """Let errors of the temporary file name the one that it stands for."""
+    """Let errors of the temporary file name the one that it stands for; those of a write to a full
+    disk name none."""
     try:
         yield
     except OSError as error:
-        if str(error.filename) == str(temporary):
+        unnamed = error.filename is None and error.errno in _FULL
+        if unnamed or str(error.filename) == str(temporary):
             error.filename, error.filename2 = str(path), None
         raise
 
