@@ -156,7 +156,8 @@ def sample_latlong(
     height, width, channels = radiance.shape
     row, column = latlong.position(directions, height, width)
     top, left = np.floor(row), np.floor(column)
-    down, right = row - top, column - left
+    # As 64-bit numbers: the published shards are filmed with these sums, to the last bit.
+    down, right = (row - top).astype(np.float64), (column - left).astype(np.float64)
     starts = [(top + k).clip(0, height - 1).astype(np.intp) * width for k in (0, 1)]
     first = np.where(left < 0, width - 1, left).astype(np.intp)
     columns = [first, np.where(first == width - 1, 0, first + 1)]
