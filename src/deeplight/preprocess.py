@@ -79,6 +79,11 @@ class Framing:
         return -math.atan(self.down / math.hypot(self.focal, self.aside))
 
     @property
+    def is_centred(self) -> bool:
+        """Whether the view looks along the photo's optical axis."""
+        return self.down == self.aside == 0
+
+    @property
     def photo_from_view(self) -> Rotation:
         """Rotation of directions from the frame of what the view shows to the photo's."""
         return world_from_camera(-math.atan(self.aside / self.focal), self.pitch_rad)

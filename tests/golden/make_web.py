@@ -328,7 +328,7 @@ def _framing(height: int, width: int, fov_rad: float | None) -> dict[str, Any]:
 def _looks() -> dict[str, Any]:
     """Two answers with lamps and a pitch, of views slid in a photo, and as one in its frame."""
     framing = preprocess.frame_photo(300, 400, 0.9)
-    views = [framing.slid(40.0, 30.0), framing.slid(40.0, -90.0)]
+    views = [framing, framing.slid(40.0, -90.0)]
     numbers = np.array(
         [
             [[0.0, 0.6, -0.8, 1.0, 0.9, 0.8, 0.1], [0.6, -0.0, 0.8, 0.5, 0.6, 0.7, 0.3]],

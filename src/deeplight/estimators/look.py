@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float32
 
-from deeplight.frames import Rotation
 from deeplight.lamp import Lamp
 from deeplight.lobe import LEAST_RADIANCE, NEARNESS, TRUST, lobe_on_ball
 from deeplight.mappings import mirror_ball
@@ -45,10 +44,10 @@ def seen_from_photo(answers: Sequence[Answer], views: Sequence[Framing]) -> Answ
     The power of the light is the answers' mean. Of one view around the photo's centre it is the
     network's own, untouched.
     """
-    if len(answers) == 1 and views[0].down == views[0].aside == 0:
+    if len(answers) == 1 and views[0].is_centred:
         return answers[0]
     turns = [view.photo_from_view for view in views]
-    soft = np.mean([_soft(*pair) for pair in zip(answers, turns, strict=True)], 0)
+    soft = np.mean([_soft(*pair) for pair in zip(answers, views, strict=True)], 0)
     lamps = agreeing(
         [
             lamp.turned(turn).scaled(1 / len(answers))
@@ -60,12 +59,15 @@ def seen_from_photo(answers: Sequence[Answer], views: Sequence[Framing]) -> Answ
     return Answer(np.log(light).astype(np.float32), lamps, _heads(answers, views))
 
 
-def _soft(answer: Answer, photo_from_view: Rotation) -> Ball:
+def _soft(answer: Answer, view: Framing) -> Ball:
     """An answer's radiance without its lamps, turned to the photo's frame."""
     size = len(answer.log_radiance)
     soft = np.exp(answer.log_radiance) - sum(lobe_on_ball(lamp, size) for lamp in answer.lamps)
-    directions = mirror_ball.pixel_directions(size).reshape(-1, 3) @ photo_from_view
-    log_soft = sample_ball(np.log(np.maximum(soft, np.float32(LEAST_RADIANCE))), directions)
+    soft = np.maximum(soft, np.float32(LEAST_RADIANCE))
+    if view.is_centred:  # straight ahead is the whole rim: looked up, it is one place of it
+        return soft
+    directions = mirror_ball.pixel_directions(size).reshape(-1, 3) @ view.photo_from_view
+    log_soft = sample_ball(np.log(soft), directions)
     turned: Ball = np.exp(log_soft).reshape(size, size, 3)
     return turned
 

@@ -99,6 +99,11 @@ export function pitchOf(framing: Framing): number {
   return -Math.atan(framing.down / Math.hypot(focalOf(framing), framing.aside));
 }
 
+/** Whether the view looks along the photo's optical axis. */
+export function isCentred({ down, aside }: Framing): boolean {
+  return down === 0 && aside === 0;
+}
+
 /** Turns directions from the frame of what the view shows to the photo's. */
 export function photoFromView(framing: Framing): Matrix3x3 {
   const focal = focalOf(framing);

@@ -5,7 +5,7 @@ import { dot, transposed, turned, type Vector3 } from "../light/matrix.ts";
 import { onBall, pixelDirection } from "../light/mirror-ball.ts";
 import type { Contract } from "../network/contract.ts";
 import type { Dense } from "../network/onnx.ts";
-import { type Framing, photoFromView, pitchOf } from "./framing.ts";
+import { type Framing, isCentred, photoFromView, pitchOf } from "./framing.ts";
 
 /** What a network gives: ln radiance on the mirror ball, and its other outputs by name. */
 export interface Answered {
@@ -20,7 +20,7 @@ export function seenFromPhoto(
   views: readonly Framing[],
 ): Answered {
   const first = answers[0]!;
-  if (views.length === 1 && !views[0]!.down && !views[0]!.aside) return first;
+  if (views.length === 1 && isCentred(views[0]!)) return first;
   const radiance = new Float32Array(first.logRadiance.length);
   const size = Math.sqrt(radiance.length / 3);
   const share = 1 / views.length;
@@ -33,7 +33,9 @@ export function seenFromPhoto(
     addLobes(soft, lamps, size, -1);
     const log = soft.map((value) => Math.log(Math.max(value, LEAST_RADIANCE)));
     for (let pixel = 0; pixel < size * size; pixel++) {
-      onBall(log, turned(transposed(turn), pixelDirection(pixel, size)), at);
+      // Straight ahead is the whole rim: looked up, it is one place of it.
+      if (isCentred(views[i]!)) at.splice(0, 3, ...log.subarray(3 * pixel, 3 * pixel + 3));
+      else onBall(log, turned(transposed(turn), pixelDirection(pixel, size)), at);
       for (const c of [0, 1, 2] as const) radiance[3 * pixel + c]! += share * Math.exp(at[c]);
     }
     return lamps.map((lamp) => ({
