@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 
 def loaded(path: Path) -> ModuleType:
     """Run a script without its `__main__` part; it may import its neighbours while it loads."""
@@ -19,3 +21,10 @@ def loaded(path: Path) -> ModuleType:
     finally:
         sys.path.remove(str(path.parent))
     return module
+
+
+def web_maker(root: Path, name: str) -> ModuleType:
+    """A script that writes golden files for the page; the test is skipped where there is none."""
+    if not (root / "web").exists():
+        pytest.skip("no web folder in this distribution")
+    return loaded(root / f"tests/golden/{name}.py")

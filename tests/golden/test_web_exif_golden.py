@@ -10,15 +10,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from scripts import loaded
+from scripts import web_maker
 
 
 @pytest.fixture(scope="module")
 def make(root: Path) -> ModuleType:
     """The script that writes the golden file, as a module."""
-    if not (root / "web").exists():
-        pytest.skip("no web folder in this distribution")
-    return loaded(root / "tests/golden/make_web_exif.py")
+    return web_maker(root, "make_web_exif")
 
 
 def test_golden_values_are_those_of_the_package(make: ModuleType) -> None:

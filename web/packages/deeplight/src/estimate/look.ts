@@ -32,11 +32,15 @@ export function seenFromPhoto(
     const soft = logRadiance.map(Math.exp);
     addLobes(soft, lamps, size, -1);
     const log = soft.map((value) => Math.log(Math.max(value, LEAST_RADIANCE)));
+    // Straight ahead is the whole rim: looked up, it is one place of it.
+    const isLookedUp = !isCentred(views[i]!);
+    const back = transposed(turn);
     for (let pixel = 0; pixel < size * size; pixel++) {
-      // Straight ahead is the whole rim: looked up, it is one place of it.
-      if (isCentred(views[i]!)) at.splice(0, 3, ...log.subarray(3 * pixel, 3 * pixel + 3));
-      else onBall(log, turned(transposed(turn), pixelDirection(pixel, size)), at);
-      for (const c of [0, 1, 2] as const) radiance[3 * pixel + c]! += share * Math.exp(at[c]);
+      if (isLookedUp) onBall(log, turned(back, pixelDirection(pixel, size)), at);
+      for (const c of [0, 1, 2] as const) {
+        const value = isLookedUp ? at[c] : log[3 * pixel + c]!;
+        radiance[3 * pixel + c]! += share * Math.exp(value);
+      }
     }
     return lamps.map((lamp) => ({
       ...lamp,
