@@ -89,9 +89,14 @@ def full_frame(example: Example, scale: int) -> np.ndarray:
 
 
 def viewpoint(example: Example, height: int, width: int) -> ground.Viewpoint:
-    """The camera as it was held, from the pose the example records."""
-    up = np.array(example.meta.details["world_from_camera"]).T @ [0.0, 1.0, 0.0]
-    camera = PinholeCamera(width, height, PHONES[example.meta.camera].vertical_fov_rad)
+    """The camera as it was held, from the pose the example records.
+
+    A family of phones notes each take's view with the frame; of one phone its name says it.
+    """
+    details = example.meta.details
+    up = np.array(details["world_from_camera"]).T @ [0.0, 1.0, 0.0]
+    fov_rad = details.get("view_fov_rad") or PHONES[example.meta.camera].vertical_fov_rad
+    camera = PinholeCamera(width, height, fov_rad)
     pitch, roll = float(np.arcsin(-up[2])), float(np.arctan2(up[0], up[1]))
     return ground.Viewpoint(camera, pitch_rad=pitch, roll_rad=roll)
 

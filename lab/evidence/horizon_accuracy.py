@@ -12,6 +12,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import UInt8
 
 from deeplight.contract import ModelContract
 from deeplight.dataset import Example, open_dataset
@@ -21,11 +22,12 @@ from deeplight.estimators.tilt import seen_tilt
 from deeplight.estimators.upright import guessed_tilt
 from deeplight.estimators.upright_edges import LEAST_EVIDENCE, tilt_with_edges
 from deeplight.preprocess import normalise
+from deeplight.simulate.many_phones import Optics
+from deeplight.simulate.many_takes import visible_pixels
 from lab.evidence.compose_evidence_pictures import viewpoint
 
 EVIDENCE = ((0.0, LEAST_EVIDENCE), (LEAST_EVIDENCE, np.inf), (0.0, np.inf))
 WHOLE = ModelContract()
-PLANE = ImagePlane(-WHOLE.right, WHOLE.right, WHOLE.bottom, WHOLE.top)
 
 
 def main(args: argparse.Namespace) -> None:
@@ -62,15 +64,42 @@ def compared(example: Example, network: OnnxEstimator) -> tuple[float, ...]:
     photo = example.background
     view = viewpoint(example, *photo.shape[:2])
     *_, (heads,) = network.estimate_fully(normalise(photo[None]))
-    guess, taken = guessed_tilt(heads), seen_tilt(photo, PLANE, heads)
-    both, evidence = tilt_with_edges(photo, PLANE, guess)
+    shown, plane = shown_part(example)
+    guess, taken = guessed_tilt(heads), seen_tilt(shown, plane, heads)
+    both, evidence = tilt_with_edges(shown, plane, guess)
     if guess is None or taken is None or both is None:
         return (np.nan,) * 8
-    edges, _ = tilt_with_edges(photo, PLANE, None)
+    edges, _ = tilt_with_edges(shown, plane, None)
     pitches = [tilt.pitch_rad - view.pitch_rad for tilt in (guess, edges or guess, both, taken)]
     off = np.degrees(np.abs([*pitches, taken.scale_rad, taken.roll_rad - view.roll_rad]))
     roll = float(np.degrees(abs(view.roll_rad)))
     return evidence, *(float(value) for value in off), roll
+
+
+def shown_part(example: Example) -> tuple[UInt8[np.ndarray, "rows columns 3"], ImagePlane]:
+    """What the photo shows of the background, and where it lies as `estimate` believes.
+
+    The rest, where a lens of the family shows less than the network sees, repeats the photo's
+    edges: lines that are no edges of the place.
+    """
+    known, photo = example.meta.details, example.background
+    rows, columns = np.ones(photo.shape[0], bool), np.ones(photo.shape[1], bool)
+    if "view_fov_rad" in known:
+        optics = Optics(known["vertical_fov_rad"], known["aspect"], known["fov_known"])
+        pixels = visible_pixels(optics)
+        rows, columns = _own(pixels.rows), _own(pixels.columns)
+    high, wide = np.flatnonzero(rows), np.flatnonzero(columns)
+    across = np.linspace(-WHOLE.right, WHOLE.right, len(columns) + 1)
+    down = np.linspace(WHOLE.top, WHOLE.bottom, len(rows) + 1)
+    plane = ImagePlane(across[wide[0]], across[wide[-1] + 1], down[high[-1] + 1], down[high[0]])
+    return np.ascontiguousarray(photo[rows][:, columns]), plane
+
+
+def _own(repeated: np.ndarray) -> np.ndarray:
+    """Which rows, or columns, are the photo's: of those that repeat one, the inner one."""
+    before, after = np.diff(repeated, prepend=-1) > 0, np.diff(repeated, append=np.inf) > 0
+    middle = np.arange(len(repeated)) < len(repeated) / 2
+    return np.where(middle, after, before)
 
 
 if __name__ == "__main__":
