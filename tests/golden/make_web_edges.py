@@ -22,7 +22,7 @@ CAMERA = PinholeCamera(72, 96, radians(66))
 PLANE = ImagePlane.centred(CAMERA.height, CAMERA.width, CAMERA.vertical_fov_rad)
 CASES = {
     "upright": (1.0, -20, 0),
-    "rolled": (1.0, 8, 5),
+    "rolled": (1.0, 8, 13),
     "without edges": (0.0, 0, 0),
 }
 """How far the posts stand out, and degrees of pitch and roll."""

@@ -48,7 +48,9 @@ def estimate_of(pixels: np.ndarray, known: Tilt | None) -> Estimate:
     return Estimate(light, photo, framing, (), {}, (), heads(-10))
 
 
-@pytest.mark.parametrize(("pitch", "roll"), [(-35, 0), (-12, 4), (0, -3), (15, 2)])
+@pytest.mark.parametrize(
+    ("pitch", "roll"), [(-35, 0), (-12, 4), (0, -3), (15, 2), (-12, 14), (5, -17)]
+)
 @pytest.mark.parametrize("before", [None, guess(-10, 25)])
 def test_upright_edges_say_how_the_camera_was_tilted(pitch, roll, before):
     found, evidence = tilt_with_edges(posts(pitch, roll), PLANE, before)

@@ -23,16 +23,17 @@ LEAST_EVIDENCE = 12.0
 """How far, in standard deviations of chance, the best tilt must stand out of all."""
 _HELD_PITCH_RAD, _HELD_SCALE_RAD = radians(-8), radians(22)
 _HELD = Tilt(_HELD_PITCH_RAD, 0.0, "how cameras are held", _HELD_SCALE_RAD)
-_ROLL_RAD = radians(2.5)  # two of three cameras are held straighter
+_ROLL_RAD = radians(2.5)  # two of three cameras that are held straight are held straighter
+_ROLLED_RAD, _ROLLED = radians(10), 0.1  # others are rolled so much, and so much less likely
 _SIDE = 256  # pixels along the longer side, or up to 1.5 times as many
-_MOST, _FEWEST = 1000, 50  # edges: the strongest
+_MOST, _FEWEST = 2000, 50  # edges: the strongest
 _STEEPEST_LEAN = tan(radians(35))  # an upright edge leans by less in the picture
 _LEAST_STEP = 5  # of 255, from one pixel to the next
 _AGREES_RAD = radians(4)  # an edge that is off by more does not count
 _SPREAD = _AGREES_RAD / radians(70)  # of all edges that may lean, those that agree by chance
 _TRUST = 0.3  # neighbouring pixels are one edge: of their number so much counts
 _LEAST_SCALE_RAD = radians(3)  # nobody's word is better, nor is that of all edges
-_PITCHES_DEG, _ROLLS_DEG = (-63, 46, 3), (-8, 9, 4)  # from, up to, step
+_PITCHES_DEG, _ROLLS_DEG = (-63, 46, 3), (-21, 22, 3)  # from, up to, step
 _PITCHES, _ROLLS = (np.radians(np.arange(*degrees)) for degrees in (_PITCHES_DEG, _ROLLS_DEG))
 
 
@@ -97,9 +98,8 @@ def tilt_with_edges(
         return guess, evidence
     before = guess or _HELD
     scale = max(before.scale_rad, _LEAST_SCALE_RAD)
-    thought = ((_PITCHES[:, None] - before.pitch_rad) / scale) ** 2
-    thought = thought + ((_ROLLS - before.roll_rad) / _ROLL_RAD) ** 2
-    likely = _TRUST * scores - thought / 2
+    off = (_PITCHES[:, None] - before.pitch_rad) / scale
+    likely = _TRUST * scores - off**2 / 2 + _held(_ROLLS - before.roll_rad)
     chance = np.exp(likely - likely.max())
     chance /= chance.sum()
     of_pitch = chance.sum(1)
@@ -107,6 +107,13 @@ def tilt_with_edges(
     scale = float(np.sqrt(of_pitch @ (_PITCHES - pitch) ** 2))
     source = SOURCE if guess is None else f"{SOURCE} and {guess.source}"
     return Tilt(pitch, roll, source, max(scale, _LEAST_SCALE_RAD)), evidence
+
+
+def _held(roll: Float[np.ndarray, " rolls"]) -> Float[np.ndarray, " rolls"]:
+    """ln of how likely cameras are held so, but for a constant."""
+    straight = np.exp(-((roll / _ROLL_RAD) ** 2) / 2)
+    held: np.ndarray = np.log(straight + _ROLLED * np.exp(-((roll / _ROLLED_RAD) ** 2) / 2))
+    return held
 
 
 def upright_edges(pixels: UInt8[np.ndarray, "rows columns 3"], plane: ImagePlane) -> Edges | None:

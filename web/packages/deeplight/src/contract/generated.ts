@@ -388,8 +388,10 @@ export const UPRIGHT_EDGES = {
   "HELD_PITCH_RAD": -0.13962634015954636,
   "HELD_SCALE_RAD": 0.3839724354387525,
   "ROLL_RAD": 0.04363323129985824,
+  "ROLLED_RAD": 0.17453292519943295,
+  "ROLLED": 0.1,
   "SIDE": 256,
-  "MOST": 1000,
+  "MOST": 2000,
   "FEWEST": 50,
   "STEEPEST_LEAN": 0.7002075382097097,
   "LEAST_STEP": 5,
@@ -403,8 +405,8 @@ export const UPRIGHT_EDGES = {
     3
   ],
   "ROLLS_DEG": [
-    -8,
-    9,
-    4
+    -21,
+    22,
+    3
   ]
 } as const;

@@ -8,7 +8,7 @@ import { guessedTilt } from "./upright.ts";
 
 const { AGREES_RAD, FEWEST, HELD_PITCH_RAD, HELD_SCALE_RAD, LEAST_EVIDENCE } = UPRIGHT_EDGES;
 const { LEAST_SCALE_RAD, LEAST_STEP, MOST, PITCHES_DEG, ROLL_RAD, ROLLS_DEG } = UPRIGHT_EDGES;
-const { SIDE, SPREAD, STEEPEST_LEAN, SURE_RAD, TRUST } = UPRIGHT_EDGES;
+const { ROLLED, ROLLED_RAD, SIDE, SPREAD, STEEPEST_LEAN, SURE_RAD, TRUST } = UPRIGHT_EDGES;
 
 /** A picture in which edges are looked for: RGB, 0 to 255, of cells of a photo. */
 export interface EdgePicture {
@@ -76,8 +76,9 @@ function tiltWithEdges(picture: EdgePicture, plane: ImagePlane, guess: Tilt | nu
   const pitch = guess ? Math.asin(-guess.up[2]) : HELD_PITCH_RAD;
   const scale = Math.max(guess ? guess.scaleRad : HELD_SCALE_RAD, LEAST_SCALE_RAD);
   const likely = TILTS.map((tilt, i) => {
-    const off = ((tilt.pitch - pitch) / scale) ** 2 + (tilt.roll / ROLL_RAD) ** 2;
-    return TRUST * scores[i]! - off / 2;
+    const off = (tilt.pitch - pitch) / scale;
+    const held = bell(tilt.roll / ROLL_RAD) + ROLLED * bell(tilt.roll / ROLLED_RAD);
+    return TRUST * scores[i]! - off ** 2 / 2 + Math.log(held);
   });
   const most = Math.max(...likely);
   const chance = likely.map((value) => Math.exp(value - most));
@@ -130,6 +131,10 @@ function agreement(edges: readonly Edge[], [right, up, back]: Tilt["up"]): numbe
     square += edge.steepness;
   }
   return sum / Math.sqrt(SPREAD * square);
+}
+
+function bell(deviations: number): number {
+  return Math.exp(-(deviations ** 2) / 2);
 }
 
 /** Against gravity, camera frame. */
