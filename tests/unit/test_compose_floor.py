@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from deeplight.camera import PinholeCamera
+from deeplight.compose.compose import Item, placed
 from deeplight.compose.floor import free_spots
 from deeplight.compose.gravity import CameraPlacement, viewpoint_of
 from deeplight.compose.ground import Viewpoint
 from deeplight.errors import ConfigError
+from deeplight.io.tilt import Tilt
 
 CAMERA = PinholeCamera(300, 400, float(np.radians(66)))
 
@@ -56,3 +58,34 @@ def test_without_any_tilt_one_is_assumed_and_said():
     viewpoint, notes = viewpoint_of(CAMERA, CameraPlacement(roll_deg=3), None)
     assert viewpoint.roll_rad == pytest.approx(np.radians(3))
     assert "unknown, assumed" in notes[0]
+
+
+def doubtful(pitch_deg: float, doubt_deg: float) -> Viewpoint:
+    pitch, doubt = np.radians([pitch_deg, doubt_deg]).tolist()
+    return Viewpoint(CAMERA, pitch_rad=pitch, doubt_rad=doubt)
+
+
+def test_floor_is_only_what_lies_below_the_horizon_for_all_that_is_known():
+    (known,) = free_spots(furnished(), doubtful(-20, 0), 1, 300.0)
+    (likely,) = free_spots(furnished(), doubtful(-20, 20), 1, 300.0)
+    (unsure,) = free_spots(furnished(), doubtful(-20, 50), 1, 300.0)
+    assert known.free
+    assert likely.free
+    assert not unsure.free
+    assert not doubtful(-20, 20).may_be_above(likely.x, likely.y)
+
+
+@pytest.mark.parametrize("at", [None, (150.0, 300.0)])
+@pytest.mark.parametrize(("doubt_deg", "warned"), [(0, False), (8, False), (50, True)])
+def test_an_unsure_pitch_is_warned_of(at, doubt_deg, warned):
+    _, notes = placed(doubtful(-20, doubt_deg), [Item(at=at)], photo=furnished())
+    assert any("pitch is unsure" in note for note in notes) is warned
+
+
+def test_of_a_pitch_that_is_only_assumed_no_floor_is_sure():
+    view, _ = viewpoint_of(CAMERA, CameraPlacement(), None)
+    assert not free_spots(furnished(), view, 1, 300.0)[0].free
+    guessed = Tilt(-0.3, 0.2, "a guess", 0.2)
+    view, (note,) = viewpoint_of(CAMERA, CameraPlacement(), guessed)
+    assert view.doubt_rad == guessed.scale_rad
+    assert note == "camera pitch from a guess: -17 degrees, rolled by 11"

@@ -20,6 +20,8 @@ from deeplight.errors import ConfigError
 
 SPAN = 0.30  # an object's default size: this part of the photo's shorter side
 DEFAULT_ROW = 0.80  # where an object stands, from the top of what the network saw
+_NOT_FREE = "no free patch of floor was found: it may stand on something, give --at"
+_UNSURE = "the camera's pitch is unsure, so it may stand on a wall or in the sky: give --pitch"
 
 
 @dataclass(frozen=True)
@@ -164,16 +166,17 @@ def _places(
     count = sum(item.at is None for item in items)
     usual = [(camera.width * (n + 1) / (len(items) + 1), low) for n in range(len(items))]
     places = [item.at or place for item, place in zip(items, usual, strict=True)]
+    given = [_UNSURE] if any(i.at and viewpoint.may_be_above(*i.at) for i in items) else []
     if photo is None or not count:
-        return places, []
+        return places, given
     notes = [f"horizon at row {viewpoint.horizon_row:.0f} of {camera.height}"]
     spots = free_spots(photo, viewpoint, count, low)
     if not all(spot.free for spot in spots):
-        notes.append("no free patch of floor was found: it may stand on something, give --at")
-        return places, notes
+        unsure = given or [_UNSURE] * (not spots[0].sure)
+        return places, [*notes, *(unsure or [_NOT_FREE])]
     notes.append("placed on a free patch of floor; --at puts it elsewhere")
     found = iter(spots)
-    return [item.at or _at(next(found)) for item in items], notes
+    return [item.at or _at(next(found)) for item in items], notes + given
 
 
 def _at(spot: Spot) -> tuple[float, float]:

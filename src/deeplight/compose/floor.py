@@ -35,16 +35,18 @@ class Spot:
     Attributes:
         x, y: pixel of the photo.
         unevenness: of the patch around it: standard deviation of ln radiance.
+        sure: whether it is below the horizon for all that is known of the camera's pitch.
     """
 
     x: float
     y: float
     unevenness: float
+    sure: bool = True
 
     @property
     def free(self) -> bool:
-        """Whether nothing seems to stand there."""
-        return self.unevenness <= UNEVEN
+        """Whether it is floor on which nothing seems to stand."""
+        return self.sure and self.unevenness <= UNEVEN
 
 
 def free_spots(
@@ -71,12 +73,14 @@ def free_spots(
     margin = _WIDTH * shorter / 2
     columns = np.linspace(margin, width - margin, _STEPS)
     rows = np.linspace(0.3 * height, 0.97 * height, _STEPS)
-    spots = [
-        Spot(float(x), float(y), _unevenness(logs, viewpoint, float(x), float(y)))
+    below = [
+        (float(x), float(y))
         for y in rows
         for x in columns
-        if _depression(viewpoint, float(x), float(y)) >= LEAST_DEPRESSION_RAD
+        if viewpoint.depression(x, y) >= LEAST_DEPRESSION_RAD
     ]
+    sure = [place for place in below if not viewpoint.may_be_above(*place)]
+    spots = [Spot(x, y, _unevenness(logs, viewpoint, x, y), bool(sure)) for x, y in sure or below]
     if not spots:
         got = f"a horizon at row {viewpoint.horizon_row:.0f} of {height}"
         raise ConfigError("a photo that shows floor", got, "give --at, or a lower --pitch")
@@ -106,7 +110,7 @@ def _unevenness(
     rows, columns, _ = logs.shape
     side = camera.height / rows
     half_width = _WIDTH * min(camera.height, camera.width) / 2 / side
-    flat = max(float(np.sin(_depression(viewpoint, x, y))), _DEPTH)
+    flat = max(float(np.sin(viewpoint.depression(x, y))), _DEPTH)
     down, right = np.mgrid[:rows, :columns] + 0.5
     down = (down - y / side) / (half_width * flat)
     right = (right - x / side) / half_width
@@ -120,11 +124,6 @@ def _unevenness(
     plane = np.stack([np.ones(inside.sum()), down[inside], right[inside]], -1)
     fitted, *_ = np.linalg.lstsq(plane, values, rcond=None)
     return float((values - plane @ fitted).std(0).mean() + 0.25 * np.abs(fitted[1:]).mean())
-
-
-def _depression(viewpoint: Viewpoint, x: float, y: float) -> float:
-    """Angle in radians of a pixel below the horizon."""
-    return float(-np.arcsin(np.clip(viewpoint.ray(x, y)[1], -1, 1)))
 
 
 def _crowded(spot: Spot, others: Sequence[Spot], width: float) -> float:

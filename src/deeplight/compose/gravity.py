@@ -1,7 +1,7 @@
 """How the camera stood: above which surface, how tilted, where the photo's EXIF data says so."""
 
 from dataclasses import dataclass
-from math import degrees, radians
+from math import degrees, pi, radians
 
 from deeplight.camera import PinholeCamera
 from deeplight.compose.ground import DEFAULT_PITCH_RAD, Viewpoint
@@ -35,12 +35,17 @@ def viewpoint_of(
         placement: what is given of how it stood.
         tilt: of `tilt_of_estimate`; without one the pitch is assumed.
     """
+    height_m = placement.height_m
     if tilt is None:
         roll = radians(placement.roll_deg or 0.0)
         assumed = f"{degrees(DEFAULT_PITCH_RAD):.0f} degrees"
         note = f"camera tilt unknown, assumed {assumed}: give --pitch"
-        return Viewpoint(camera, placement.height_m, DEFAULT_PITCH_RAD, roll), [note]
+        return Viewpoint(camera, height_m, DEFAULT_PITCH_RAD, roll, doubt_rad=pi / 2), [note]
     notes = []
     if placement.pitch_deg is None:
-        notes.append(f"camera pitch from {tilt.source}: {degrees(tilt.pitch_rad):.0f} degrees")
-    return Viewpoint(camera, placement.height_m, tilt.pitch_rad, tilt.roll_rad), notes
+        rolled = round(degrees(tilt.roll_rad))
+        leaning = f", rolled by {rolled}" if abs(rolled) > 1 and placement.roll_deg is None else ""
+        pitch = f"{degrees(tilt.pitch_rad):.0f} degrees"
+        notes.append(f"camera pitch from {tilt.source}: {pitch}{leaning}")
+    held = tilt.pitch_rad, tilt.roll_rad
+    return Viewpoint(camera, height_m, *held, doubt_rad=tilt.scale_rad), notes

@@ -15,6 +15,9 @@ from deeplight.frames import Rotation, turned, world_from_camera
 
 DEFAULT_HEIGHT_M = 1.4  # a phone in the hand of somebody who stands
 DEFAULT_PITCH_RAD = float(np.radians(-15.0))  # a surface in the lower half of the picture
+SURE_DOUBTS = 1.2
+"""What is farther below the horizon than this many times the pitch's doubt is taken to be below it
+(chosen on validation places: `lab/evidence/floor_accuracy.py`)."""
 FARTHEST_HEIGHTS = 60.0  # a place farther away than this many camera heights is the horizon
 
 
@@ -28,6 +31,7 @@ class Viewpoint:
         pitch_rad: positive looks up.
         roll_rad: positive turns the camera counter-clockwise as its holder sees it.
         yaw_rad: positive turns the view to the left; 0 but in videos.
+        doubt_rad: two of three such pitches are less off; 0 where the pitch is known.
     """
 
     camera: PinholeCamera
@@ -35,6 +39,7 @@ class Viewpoint:
     pitch_rad: float = DEFAULT_PITCH_RAD
     roll_rad: float = 0.0
     yaw_rad: float = 0.0
+    doubt_rad: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.height_m < 1e4:
@@ -63,6 +68,14 @@ class Viewpoint:
         up = (1 - 2 * y / self.camera.height) * half_height
         ray: np.ndarray = self.world_from_camera @ np.array([across, up, -1.0])
         return ray / np.linalg.norm(ray)
+
+    def depression(self, x: float, y: float) -> float:
+        """Angle in radians of a pixel below the horizon."""
+        return float(-np.arcsin(np.clip(self.ray(x, y)[1], -1, 1)))
+
+    def may_be_above(self, x: float, y: float) -> bool:
+        """Whether a pixel may well be above the true horizon, for all that is known of pitch."""
+        return self.depression(x, y) < SURE_DOUBTS * self.doubt_rad
 
     def point(self, x: float, y: float) -> Float[np.ndarray, "3"]:
         """The point of the plane seen at (x, y).
