@@ -90,12 +90,13 @@ def read_hdr_layer(path: Path) -> np.ndarray:
     return values[..., names.index("shadow.G")]
 
 
-def test_defaults_are_reported(photo: Path, tmp_path: Path, capsys) -> None:
+def test_defaults_are_reported_warnings_first(photo: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "a.jpg"
     assert compose(photo, "--object", "sphere", "--out", out, "--engine", "scalar") == 0
     printed = capsys.readouterr().out
     for assumption in ("field of view", "camera pitch from the network's guess", "sphere:"):
         assert assumption in printed
+    assert printed.index("warning: the camera's pitch is unsure") < printed.index("field of view")
     assert read_photo(out).pixels.shape == (48, 64, 3)
 
 

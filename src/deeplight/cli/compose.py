@@ -80,6 +80,7 @@ def run(args: Args) -> None:
     from rich.markup import escape
 
     from deeplight.cli.screen import results_console
+    from deeplight.compose.compose import WARNING
     from deeplight.compose.mesh import load
     from deeplight.io.video import is_video
 
@@ -91,8 +92,8 @@ def run(args: Args) -> None:
     console = results_console()
     made = f"{args.out}" + (f", {args.layers}" if args.layers else "")
     console.print(escape(f"{args.photo} -> {made}"))
-    for note in notes:
-        console.print(f"  [dim]{escape(note)}[/dim]")
+    for note in sorted(notes, key=lambda note: not note.startswith(WARNING)):
+        console.print(f"  {escape(note)}", style="yellow" if note.startswith(WARNING) else "dim")
 
 
 def _compose_photo(args: Args, items: "Sequence[Item]") -> tuple[str, ...]:

@@ -20,8 +20,11 @@ from deeplight.errors import ConfigError
 
 SPAN = 0.30  # an object's default size: this part of the photo's shorter side
 DEFAULT_ROW = 0.80  # where an object stands, from the top of what the network saw
-_NOT_FREE = "no free patch of floor was found: it may stand on something, give --at"
-_UNSURE = "the camera's pitch is unsure, so it may stand on a wall or in the sky: give --pitch"
+WARNING = "warning: "  # what the notes of a composite begin with that may look absurd
+_NOT_FREE = f"{WARNING}no free patch of floor was found: it may stand on something, give --at"
+_UNSURE = (
+    f"{WARNING}the camera's pitch is unsure, so it may stand on a wall or in the sky: give --pitch"
+)
 
 
 @dataclass(frozen=True)
