@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+import tarfile
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -83,6 +84,23 @@ def test_another_panorama_or_shard_is_reported(
         benchmark_data("tiny", None, tmp_path / "made")
     with pytest.raises(ConfigError, match="a benchmark of"):
         benchmark_data("v0", None, tmp_path / "made")
+
+
+def test_a_shard_that_was_changed_afterwards_is_reported(first: Path, tmp_path: Path) -> None:
+    """A bit of the true light, which every picture and file still fits."""
+    folder = tmp_path / "made"
+    shutil.copytree(first, folder)
+    (shard,) = folder.glob("*.tar")
+    with tarfile.open(shard) as tar:
+        light = next(part for part in tar if part.name.endswith("lighting.npy"))
+    content = bytearray(shard.read_bytes())
+    content[light.offset_data + light.size - 9] ^= 1
+    shard.write_bytes(content)
+    with pytest.raises(DataSetError, match=r"benchmark tiny .*other bytes.*; delete the folder"):
+        benchmark_data("tiny", None, folder)
+    shard.unlink()
+    with pytest.raises(DataSetError, match=r"no such file.*; delete the folder"):
+        benchmark_data("tiny", None, folder)
 
 
 ONE_SHARD = """

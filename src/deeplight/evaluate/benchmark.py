@@ -92,12 +92,22 @@ def benchmark_data(name: str, hdri: Path | None, folder: Path, workers: int = 0)
             raise ConfigError("--hdri, the folder of the benchmark's panoramas", "none", "give it")
         check_panoramas(hdri, published)
         make(hdri, folder, RECIPES[name], workers)
-    data = open_dataset(folder)
-    differ = differing_shards(data.manifest, published)
+    differ = differing_shards(Manifest.load(folder), published)
     if differ:
         got = f"{len(differ)} of {len(published.shards)} with other bytes, the first {differ[0]}"
         do = "docs/evaluate.md says what can change them"
         raise DataSetError(f"the shards of benchmark {name} as published", got, do)
+    return _verified(name, folder)
+
+
+def _verified(name: str, folder: Path) -> DataSet:
+    """The data set, once each shard has the bytes that its manifest says."""
+    try:
+        data = open_dataset(folder)
+        data.verify()
+    except DataSetError as error:
+        expected = f"the shards of benchmark {name} in {folder}: {error.expected}"
+        raise DataSetError(expected, error.got, "delete the folder: it is made again") from None
     return data
 
 
