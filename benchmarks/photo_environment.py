@@ -42,7 +42,7 @@ def main() -> None:
     data = open_dataset(given.data)
     (network,) = named_models([given.model] if given.model else [])
     mean = training_mean(data)
-    with_photo = [WithPhoto(network, fill) for fill in (None, "photo", "any")]
+    with_photo = [WithPhoto(network, fill) for fill in (None, "photo", "any", "auto")]
     methods = [network, *with_photo, *([mean] if mean else [])]
     report = evaluate(methods, data, given.split, given.examples)
     reference = report.scores.get(NAME)

@@ -16,6 +16,8 @@ import numpy as np
 import torch
 import tyro
 
+from deeplight.contract import HEADS
+from deeplight.estimators.fill import SURE
 from deeplight.estimators.onnx import shipped_model
 from deeplight.training.heads import (
     OF_LIGHT,
@@ -82,6 +84,20 @@ def print_kept(heads: Heads, views: Views) -> None:
         kept_so = f"{kept.within:.2f} | {kept.surest:.2f} | {kept.ranked:.2f}"
         print(f"| {row} | {error} | {plain} | {kept_so} |")
     print(f"\nWhich way is up: right for {share_upright(heads, views):.0%}")
+    print_indoors(heads, views)
+
+
+@torch.no_grad()
+def print_indoors(heads: Heads, views: Views) -> None:
+    """How often the kind of place is right, of all upright photos and of those it is sure of."""
+    is_known = views.indoors.isfinite()
+    chance = heads.read(views.averaged)[is_known, HEADS.index("indoors")]
+    right = ((chance > 0.5) == (views.indoors[is_known] > 0.5)).float()
+    sure = torch.maximum(chance, 1 - chance) >= SURE
+    print(
+        f"In a room or not: right for {right.mean():.0%}; sure of {sure.float().mean():.0%},"
+        f" of which {right[sure].mean():.0%} are right"
+    )
 
 
 @torch.no_grad()

@@ -55,13 +55,14 @@ SERVED: Mapping[str, str] = MappingProxyType(
 HEADS = (
     "fov_rad", "fov_scale", "pitch_rad", "pitch_scale", "roll_rad", "roll_scale",
     "upright_0", "upright_90", "upright_180", "upright_270",
-    "brightness_scale", "colour_scale", "direction_scale", "log_radiance_scale",
+    "brightness_scale", "colour_scale", "direction_scale", "log_radiance_scale", "indoors",
 )  # fmt: skip
 """What a network may say besides light. Vertical field of view of what it was shown, pitch
 (upwards) and roll (counter-clockwise as the holder sees it) of the camera, in rad; the chances that
 the photo is upright, or must be turned by that many degrees clockwise to be; how far off the light
 is: total brightness (ln), colour (angle, rad), direction of the main light (angle, rad), ln
-radiance in one direction. 68 % of the errors on places that it did not see were below the scale."""
+radiance in one direction. 68 % of the errors on places that it did not see were below the scale.
+The chance that the photo was taken in a room."""
 
 LAMP_NUMBERS = 7
 """Of each lamp in a network's second output; see `ModelContract.lamps`."""

@@ -43,9 +43,10 @@ class Args:
     sun: tuple[float, float] | None = None
     """The sun's azimuth (0 is the view, positive to the right) and elevation in the picture,
     degrees. Default: by the photo's GPS data, where it has them, else as estimated."""
-    fill: Literal["photo", "any", "indoor", "outdoor", "none"] = "photo"
-    """What reflections show where the photo does not look: the photo's own rows going on, detail of
-    a real place of that kind, or none; the power of the light stays the same."""
+    fill: Literal["auto", "photo", "any", "indoor", "outdoor", "none"] = "auto"
+    """What reflections show where the photo does not look: the photo's own rows going on, over them
+    detail of a real place of that kind (auto: of the kind that the network is sure of), or none of
+    both; the power of the light stays the same."""
     stops: float = 0.0
     """Make the light brighter by this number of stops."""
     camera_height: float = 1.4
@@ -217,7 +218,7 @@ def _check_names(args: Args, video: bool) -> None:
         raise ConfigError(f"--out ending in {', '.join(allowed)}", f"{args.out}", "rename it")
     if args.out.exists() and args.photo.exists() and args.out.samefile(args.photo):
         raise ConfigError("another file as --out", "the photo itself", "rename it")
-    if (args.sun or args.fill != "photo") and (video or args.light is not None):
+    if (args.sun or args.fill != "auto") and (video or args.light is not None):
         got = "a video" if video else "--light, which has its own"
         raise ConfigError("--sun and --fill for a photo whose light is estimated", got, "drop them")
     if args.layers is not None and (video or args.layers.suffix.lower() != ".exr"):

@@ -59,9 +59,10 @@ class Args:
     """Write what the network estimates alone: no photo in it, no lamps."""
     lamps_apart: bool = False
     """Leave the lamps out of the environment, for who adds them as lights from the JSON."""
-    fill: Literal["photo", "any", "indoor", "outdoor", "none"] = "photo"
-    """What reflections show where the photo does not look: the photo's own rows going on, detail of
-    a real place of that kind, or none; the power of the light stays the same."""
+    fill: Literal["auto", "photo", "any", "indoor", "outdoor", "none"] = "auto"
+    """What reflections show where the photo does not look: the photo's own rows going on, over them
+    detail of a real place of that kind (auto: of the kind that the network is sure of), or none of
+    both; the power of the light stays the same."""
     seen: bool = False
     """Write what the photo shows, 0 to 1, as a further channel `seen` of the .exr."""
     hdr: bool = False

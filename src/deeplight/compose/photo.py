@@ -27,7 +27,7 @@ def compose_photo(
     settings: ComposeSettings | None = None,
     stops: float = 0.0,
     sun: SunHint | None = None,
-    fill: Fill | None = "photo",
+    fill: Fill | None = "auto",
     progress: Progress = lambda done, total: None,
 ) -> Composed:
     """Put objects into a photo, lit by its own light, with their shadow on its own surface.
@@ -43,9 +43,9 @@ def compose_photo(
         sun: where the sun stands; left out, where the photo's EXIF data say, if they do. Only for
             an estimated light.
         fill: what reflections show where the photo does not look: "photo", its own rows going on to
-            both sides; "indoor", "outdoor" or "any", detail of a real place of that kind; None
-            leaves it smooth. The power of the light stays the same. Only for an
-            estimated light.
+            both sides; "indoor", "outdoor" or "any", detail of a real place of that kind over them;
+            "auto", of the kind that the network is sure of, else "photo"; None leaves it smooth.
+            The power of the light stays the same. Only for an estimated light.
         progress: called with (rays done, rays in all).
 
     Returns:

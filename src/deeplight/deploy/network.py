@@ -32,6 +32,14 @@ class Refinement:
     scales: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
     """Data sets whose validation places set anew how sure a network with heads is; what its heads
     have learnt stays. About a minute."""
+    indoors: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="(optional)")] = ()
+    """Data sets whose photos teach a network with heads anew whether a photo was taken in a room;
+    all else stays. Some minutes."""
+
+    @property
+    def of_heads(self) -> bool:
+        """Whether it changes what a network says besides light."""
+        return bool(self.heads or self.scales or self.indoors)
 
 
 def write_network(
@@ -74,9 +82,9 @@ def write_network(
         do = "write .onnx, or train one network that answers as they do (distil.teacher)"
         got = f"{len(models)}{' with --flips' * flips}"
         raise ConfigError("one network, without --flips, for TFLite", got, do)
-    if form != "onnx" and refinement is not None and (refinement.heads or refinement.scales):
+    if form != "onnx" and refinement is not None and refinement.of_heads:
         got = "TFLite, whose files hold light only"
-        raise ConfigError("ONNX for --heads and --scales", got, "leave it out")
+        raise ConfigError("ONNX for --heads, --scales and --indoors", got, "leave it out")
     generator, contract = _loaded(models, flips, shares, trained_on, without_colour)
     if refinement is not None and refinement != Refinement():
         contract = _refined(generator, contract, refinement)
@@ -136,11 +144,11 @@ def _refined(
     generator: "nn.Module", contract: ModelContract, refinement: Refinement
 ) -> ModelContract:
     """Change one network after its training; gives its contract."""
-    from deeplight.training.heads import set_scales, teach
+    from deeplight.training.heads import set_indoors, set_scales, teach
     from deeplight.training.network.generator import Generator
 
     if not isinstance(generator, Generator):
-        expected = "one network for --heads, --scales and --lamp-gain"
+        expected = "one network for --heads, --scales, --indoors and --lamp-gain"
         raise ConfigError(expected, "a mean", "leave them out")
     if refinement.lamp_gain:
         if generator.lamps is None:
@@ -149,10 +157,14 @@ def _refined(
     if refinement.heads:
         generator.heads, _ = teach(generator, refinement.heads)
         contract = replace(contract, heads=HEADS)
-    if refinement.scales:
+    if refinement.scales or refinement.indoors:
         if generator.heads is None:
-            raise ConfigError("a network with heads for --scales", "none", "give --heads too")
-        set_scales(generator, generator.heads, refinement.scales)
+            expected = "a network with heads for --scales and --indoors"
+            raise ConfigError(expected, "none", "give --heads too")
+        if refinement.scales:
+            set_scales(generator, generator.heads, refinement.scales)
+        if refinement.indoors:
+            set_indoors(generator, generator.heads, refinement.indoors)
     return contract
 
 

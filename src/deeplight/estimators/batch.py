@@ -23,6 +23,7 @@ from deeplight.formats.webxr import light_estimate_file
 from deeplight.io.atomic import results_folder
 from deeplight.io.orientation import TOOLS
 from deeplight.io.tilt import with_given
+from deeplight.io.video import is_video
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class BatchSettings:
     hdr: bool = False
     seen_channel: bool = False
     sun: SunHint | None = None
-    fill: Fill | None = "photo"
+    fill: Fill | None = "auto"
     pitch_deg: float | None = None
     roll_deg: float | None = None
 
@@ -73,7 +74,7 @@ class BatchSettings:
     @property
     def _needs_the_photo(self) -> bool:
         tilted = self.pitch_deg is not None or self.roll_deg is not None
-        filled = self.fill not in (None, "photo")
+        filled = self.fill not in (None, "auto")
         return bool(self.lamps_apart or self.seen_channel or self.sun or filled or tilted)
 
 
@@ -154,6 +155,8 @@ def _estimated(
 ) -> SourceDone:
     """Estimate a photo or every frame of a video, and write the results."""
     done = SourceDone(source, 0, (), (), ())
+    if settings.fill == "auto" and is_video(source.path):
+        settings = replace(settings, fill="photo")  # each frame would have another place's detail
     for stem, photo in source.photos(pixels_for(settings.height)):
         estimate = estimator.explain(photo, settings.fov_deg)
         scene, sun, notes = _lit(estimate, settings)

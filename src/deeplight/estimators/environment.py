@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self, get_args
+from typing import Self
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -11,7 +11,7 @@ from jaxtyping import Float32, UInt8
 from deeplight.environment import Environment
 from deeplight.errors import ConfigError
 from deeplight.estimators.continuation import continued
-from deeplight.estimators.fill import Fill, filled
+from deeplight.estimators.fill import Chosen, Fill, chosen, detailed
 from deeplight.estimators.lamps import find_lamps
 from deeplight.estimators.network import NETWORK_SIDE, Estimate
 from deeplight.estimators.projection import ImagePlane, project_photo
@@ -19,8 +19,7 @@ from deeplight.estimators.surroundings import (
     MAP_ROWS,
     adapted,
     enlarged,
-    kept_power,
-    power_of,
+    resized,
     smooth_map,
 )
 from deeplight.estimators.tilt import tilt_of_estimate
@@ -97,7 +96,7 @@ class SceneLight:
 def scene_light(
     estimate: Estimate,
     height: int = HEIGHT,
-    fill: Fill | None = "photo",
+    fill: Fill | None = "auto",
     tilt: Tilt | None = None,
 ) -> SceneLight:
     """Put a photo into the light that was estimated from it.
@@ -117,7 +116,8 @@ def scene_light(
     plane = ImagePlane.centred(height_px, width_px, fov)
     if tilt is None:
         tilt, _ = tilt_of_estimate(estimate)
-    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, fill, tilt)
+    filling = chosen(fill, estimate.heads)
+    return assemble(estimate.lighting, pixels, plane, height, estimate.lamps, filling, tilt)
 
 
 def pixels_for(height: int) -> int:
@@ -139,7 +139,7 @@ def assemble(
     plane: ImagePlane,
     height: int = HEIGHT,
     lamps: Sequence[Lamp] = (),
-    fill: Fill | None = "photo",
+    fill: Chosen | None = "photo",
     tilt: Tilt | None = None,
 ) -> SceneLight:
     """Put a photo that fills `plane` into a light estimated from it.
@@ -157,25 +157,21 @@ def assemble(
         fill: what to show where the photo does not look; see `estimators.fill`.
         tilt: the camera's; without it the photo does not go on.
     """
-    if fill not in (None, *get_args(Fill)):
-        raise ConfigError(f"fill of {', '.join(get_args(Fill))} or None", repr(fill), "correct it")
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
     smooth = around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
-    goes_on = tilt if fill == "photo" else None
-    if goes_on is not None:
-        around = continued(around, photo, goes_on)
-    rest = enlarged(adapted(around, photo.pixels, plane), height)
+    goes_on = fill is not None and tilt is not None
+    if goes_on:
+        around = continued(around, photo, tilt)
+    around, place = adapted(around, photo.pixels, plane), ITSELF if goes_on else None
+    if fill is not None and fill != "photo":
+        level = np.eye(3) if tilt is None else tilt.level_from_camera
+        around, place = detailed(around, photo, level, fill)
+    rest = resized(around, height)
     box = photo.box
     known, clipped = photo.radiance[box] + found.areas[box], photo.clipped[box]
     if clipped.any():
         least = enlarged(smooth, height, box[0])[:, box[1]]
         known += clipped * np.maximum(least - photo.radiance[box], 0)
     rest[box] += (known - rest[box]) * photo.seen[box][..., None]
-    if fill is None or fill == "photo":
-        place = None if goes_on is None else ITSELF
-        return SceneLight(rest, found.lamps, photo.seen, place, tilt)
-    rich, place = filled(rest, photo.seen, fill)
-    unseen = 1 - photo.seen[..., None]
-    rich = kept_power(rich * unseen, power_of(rest * unseen)) + rest * photo.seen[..., None]
-    return SceneLight(rich, found.lamps, photo.seen, place, tilt)
+    return SceneLight(rest, found.lamps, photo.seen, place, tilt)

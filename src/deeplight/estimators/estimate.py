@@ -18,7 +18,7 @@ _default: list["NetworkEstimator"] = []
 
 
 def estimate(
-    photo: Any, fov_deg: float | None = None, height: int = 256, *, fill: "Fill | None" = "photo"
+    photo: Any, fov_deg: float | None = None, height: int = 256, *, fill: "Fill | None" = "auto"
 ) -> Environment:
     """Estimate the light of a photo with the shipped model.
 
@@ -33,8 +33,9 @@ def estimate(
             EXIF data, and without those the long side is assumed to span 66 degrees.
         height: rows of the environment, 64 to 2048.
         fill: what reflections show where the photo does not look: "photo", its own rows going on to
-            both sides; "indoor", "outdoor" or "any", detail of a real place of that kind; None
-            leaves it smooth. The power of the light stays the same.
+            both sides; "indoor", "outdoor" or "any", detail of a real place of that kind over them;
+            "auto", of the kind that the network is sure of, else "photo"; None leaves it smooth.
+            The power of the light stays the same.
 
     Returns:
         Radiance from all directions relative to the camera's white, in the photo's camera frame:
@@ -175,7 +176,7 @@ def _environments(
     photos: list[Any],
     fov_deg: float | None,
     height: int,
-    fill: "Fill | None" = "photo",
+    fill: "Fill | None" = "auto",
 ) -> list[Environment]:
     from deeplight.estimators.environment import check_height, pixels_for, scene_light
     from deeplight.io.photo_like import as_photo

@@ -146,7 +146,7 @@ def scene_in_sun(
     estimate: Estimate,
     hint: SunHint | None = None,
     height: int = HEIGHT,
-    fill: Fill | None = "photo",
+    fill: Fill | None = "auto",
     tilt: Tilt | None = None,
 ) -> tuple[SceneLight, FoundSun | None]:
     """Put a photo into its light as `scene_light` does, its sun where `find_sun` finds it."""

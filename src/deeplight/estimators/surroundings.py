@@ -75,6 +75,15 @@ def enlarged(
     return found.reshape(-1, 2 * height, channels)
 
 
+def resized(
+    radiance: Float32[np.ndarray, "rows columns channels"], height: int
+) -> Float32[np.ndarray, "height width channels"]:
+    """A panorama at another number of rows, finer or coarser."""
+    if height < len(radiance):
+        return resample.shrink(radiance, height, 2 * height)
+    return enlarged(radiance, height)
+
+
 def _between(count: int, more: int) -> Float[np.ndarray, " more"]:
     """Where the middles of `more` texels lie between those of `count`."""
     return (np.arange(more) + 0.5) * (count / more) - 0.5

@@ -7,7 +7,7 @@ from deeplight.camera import BACKGROUND_HEIGHT, BACKGROUND_WIDTH
 from deeplight.contract import ModelContract
 from deeplight.errors import ConfigError
 from deeplight.estimators.environment import assemble
-from deeplight.estimators.fill import Fill
+from deeplight.estimators.fill import Fill, chosen
 from deeplight.estimators.projection import ImagePlane
 from deeplight.estimators.tilt import seen_tilt
 from deeplight.evaluate.models import NamedModel
@@ -20,7 +20,7 @@ DARKEST = 1e-6  # radiance: black still has a logarithm
 class WithPhoto:
     """A network whose answer is its environment, photo and lamps in it, on the mirror ball."""
 
-    def __init__(self, network: NamedModel, fill: Fill | None = "photo") -> None:
+    def __init__(self, network: NamedModel, fill: Fill | None = "auto") -> None:
         self._network, self._fill = network, fill
         whole = ModelContract()
         self._plane = ImagePlane(-whole.right, whole.right, whole.bottom, whole.top)
@@ -28,7 +28,12 @@ class WithPhoto:
     @property
     def name(self) -> str:
         """What tables call it."""
-        more = {"photo": "", None: ", not continued"}.get(self._fill, " and detail")
+        more = {
+            "auto": "",
+            "photo": ", no detail",
+            None: ", not continued",
+            "any": ", any detail",
+        }.get(self._fill, f", {self._fill} detail")
         return f"{self._network.name} with the photo{more}"
 
     def estimate_inputs(
@@ -47,13 +52,10 @@ class WithPhoto:
         pictures = levels.transpose(0, 2, 3, 1).astype(np.uint8)
         answers, lamps, heads = self._network.estimate_fully(inputs)
         lights = [Lighting.from_log_radiance(answer) for answer in answers]
-        tilts = [
-            seen_tilt(picture, self._plane, said)
-            for picture, said in zip(pictures, heads, strict=True)
-        ]
-        balls = [
-            assemble(light, picture, self._plane, HEIGHT, own, self._fill, tilt)
-            for light, picture, own, tilt in zip(lights, pictures, lamps, tilts, strict=True)
-        ]
+        balls = []
+        for light, picture, own, said in zip(lights, pictures, lamps, heads, strict=True):
+            tilt = seen_tilt(picture, self._plane, said)
+            fill = chosen(self._fill, said)
+            balls.append(assemble(light, picture, self._plane, HEIGHT, own, fill, tilt))
         radiance = np.stack([scene.environment.lighting.radiance for scene in balls])
         return np.log(np.maximum(radiance, DARKEST)).astype(np.float32)

@@ -37,10 +37,10 @@ def position(
 
 
 def nearest(
-    values: Float[np.ndarray, "height width"], directions: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, " n"]:
+    values: Float[np.ndarray, "height width *channels"], directions: Float[np.ndarray, "*batch 3"]
+) -> Float[np.ndarray, "..."]:
     """The values of the pixels that directions fall into."""
-    height, width = values.shape
+    height, width = values.shape[:2]
     row, column = position(directions, height, width)
     rows = np.round(row).astype(int).clip(0, height - 1)
     found: np.ndarray = values[rows, np.round(column).astype(int) % width]

@@ -27,6 +27,7 @@ from deeplight.mappings import mirror_ball
 from deeplight.preprocess import frame_photo, network_input, normalise
 from deeplight.solve import light_from_spheres
 from deeplight.training.data import balanced_order
+from deeplight.training.indoors import learn_indoors
 from deeplight.training.network.generator import Generator
 from deeplight.training.network.heads import Heads, averages
 
@@ -57,6 +58,8 @@ class Views:
     """Of OF_LIGHT: how far off the network's light is."""
     turns: Float[Tensor, "n"]
     """Quarter turns clockwise that make the photo upright."""
+    indoors: Float[Tensor, "n"]
+    """1 in a room, 0 outdoors."""
     places: np.ndarray
     takes: np.ndarray
     """Names that no other data set has."""
@@ -78,6 +81,7 @@ def teach(
     each = -(-count // len(data))
     learnt = joined([views_of(network, name, "train", each, seed) for name in data])
     heads = fitted(learnt, network, seed)
+    learn_indoors(heads, learnt.averaged, learnt.indoors, learnt.places)
     return heads, set_scales(network, heads, data, count // 2, seed)
 
 
@@ -95,19 +99,34 @@ def set_scales(
     return kept
 
 
+def set_indoors(
+    network: Generator, heads: Heads, data: Sequence[str], count: int = 3200, seed: int = 0
+) -> None:
+    """Teach heads anew, by `count` training photos, whether a photo was taken in a room.
+
+    Raises:
+        DataSetError: one of the data sets cannot be read, or has no training split.
+    """
+    each = -(-count // len(data))
+    learnt = joined([views_of(network, name, "train", each, seed) for name in data])
+    learn_indoors(heads, learnt.averaged, learnt.indoors, learnt.places)
+
+
 def views_of(network: Generator, address: str, split: str, count: int, seed: int) -> Views:
     """Some examples of a split, drawn at random, some of them turned."""
     data = open_dataset(address)
     index, random = data.index(split), np.random.default_rng(seed)
     numbers = np.sort(random.permutation(len(index))[:count])
     turns = np.where(random.random(len(numbers)) < TURNED, random.integers(1, 4, len(numbers)), 0)
-    averaged, camera, errors = [], [], []
+    averaged, camera, errors, indoors = [], [], [], []
     for chunk in np.array_split(np.arange(len(numbers)), max(1, len(numbers) // CHUNK)):
         some, turned = numbers[chunk], turns[chunk]
         features, light = answers(network, index, some, turned)
         averaged.append(averages(features))
         for number, turn, radiance in zip(some, turned, light, strict=True):
-            camera.append(camera_of(index[int(number)].meta.details, bool(turn)))
+            meta = index[int(number)].meta
+            camera.append(camera_of(meta.details, bool(turn)))
+            indoors.append(math.nan if turn else float(meta.scene == "indoor"))
             errors.append(
                 [math.nan] * 4 if turn else light_errors(radiance, truth(data, index, int(number)))
             )
@@ -116,6 +135,7 @@ def views_of(network: Generator, address: str, split: str, count: int, seed: int
         torch.tensor(camera),
         torch.tensor(errors, dtype=torch.float32),
         torch.tensor(turns, dtype=torch.float32),
+        torch.tensor(indoors),
         index.places[numbers],
         np.char.add(f"{address}: ", index.takes[numbers]),
     )
@@ -194,6 +214,7 @@ def joined(parts: Sequence[Views]) -> Views:
         torch.cat([part.camera for part in parts]),
         torch.cat([part.errors for part in parts]),
         torch.cat([part.turns for part in parts]),
+        torch.cat([part.indoors for part in parts]),
         np.concatenate([part.places for part in parts]),
         np.concatenate([part.takes for part in parts]),
     )

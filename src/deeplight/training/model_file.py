@@ -1,13 +1,14 @@
 """A trained network from any file that holds one: a run, its best weights, or an exported ONNX."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from deeplight.contract import CONTRACT_KEY, ModelContract
+from deeplight.contract import CONTRACT_KEY, HEADS, ModelContract
 from deeplight.errors import ModelError
 from deeplight.io.boundary import reading
 from deeplight.training import checkpoint
@@ -70,8 +71,11 @@ def _from_onnx(path: Path) -> tuple[Generator, ModelContract]:
     if any(name.startswith("members.") for name in state):
         raise ModelError("one network", f"{path}, the mean of several", "give one of its parts")
     generator = Generator(_shape_of(state, contract, path)).eval()
-    _fill(generator, {name: state[name] for name in generator.state_dict() if name in state}, path)
-    return generator, contract
+    own = generator.state_dict()
+    # A file of before this head was known says nothing of it: its chance is a half.
+    state = {name: own[name] for name in own if name.startswith("heads.indoors.")} | state
+    _fill(generator, {name: state[name] for name in own if name in state}, path)
+    return generator, replace(contract, heads=HEADS) if contract.heads else contract
 
 
 def add_equal_biases(state: dict[str, Tensor], nodes: Iterable[Any]) -> None:

@@ -18,14 +18,18 @@ class Heads(nn.Module):
     """Features -> the numbers of `contract.HEADS`, in their order.
 
     The features of each row and of each column are averaged: where something is counts, but not
-    where exactly.
+    where exactly. Whether they show a room is read of these averages alone, and not known (a
+    chance of a half) until it is taught.
     """
 
     def __init__(self, channels: int, rows: int, columns: int) -> None:
         super().__init__()
         self.inner = nn.Linear(channels * (rows + columns), HIDDEN)
-        self.outer = nn.Linear(HIDDEN, len(HEADS))
+        self.outer = nn.Linear(HIDDEN, len(HEADS) - 1)
         self.activation = nn.ReLU6()
+        self.indoors = nn.Linear(channels * (rows + columns), 1)
+        nn.init.zeros_(self.indoors.weight)
+        nn.init.zeros_(self.indoors.bias)
 
     def forward(self, features: Float[Tensor, "n channels rows columns"]) -> Tensor:
         return self.read(averages(features))
@@ -34,7 +38,7 @@ class Heads(nn.Module):
         """The numbers, from `averages`: scales above 0, and chances that sum to 1."""
         raw = self.outer(self.activation(self.inner(averaged)))
         parts = []
-        for number, name in enumerate(HEADS):
+        for number, name in enumerate(HEADS[:-1]):
             part = raw[:, number : number + 1]
             if name.endswith("_scale"):
                 part = part.clamp(LEAST_LOG_SCALE, MOST_LOG_SCALE).exp()
@@ -42,7 +46,8 @@ class Heads(nn.Module):
         turns = [n for n, name in enumerate(HEADS) if name.startswith("upright_")]
         first, last = turns[0], turns[-1] + 1
         chances = torch.softmax(raw[:, first:last], 1)
-        return torch.cat((*parts[:first], chances, *parts[last:]), 1)
+        indoors = torch.sigmoid(self.indoors(averaged))
+        return torch.cat((*parts[:first], chances, *parts[last:], indoors), 1)
 
 
 def averages(features: Float[Tensor, "n channels rows columns"]) -> Float[Tensor, "n averages"]:
