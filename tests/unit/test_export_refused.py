@@ -15,8 +15,10 @@ TINY = Path(__file__).parents[1] / "golden" / "tiny.onnx"
     [
         ("out.onnx", Refinement(lamp_gain=0.2), (), "a network with lamps for --lamp-gain"),
         ("out.tflite", Refinement(heads=("data",)), (), "ONNX for --heads"),
-        ("out.tflite", Refinement(scales=("data",)), (), "ONNX for --heads and --scales"),
+        ("out.tflite", Refinement(scales=("data",)), (), "ONNX for --heads, --scales"),
+        ("out.tflite", Refinement(indoors=("data",)), (), "--scales and --indoors"),
         ("out.onnx", Refinement(scales=("data",)), (), "a network with heads for --scales"),
+        ("out.onnx", Refinement(indoors=("data",)), (), "--scales and --indoors"),
         ("out.tflite", None, (1.0,), "several networks for --shares"),
         ("out.onnx", None, (1.0,), "several networks for --shares"),
     ],

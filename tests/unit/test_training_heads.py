@@ -23,6 +23,7 @@ from deeplight.training.heads import (
     measured,
     turned,
 )
+from deeplight.training.indoors import learn_indoors
 from deeplight.training.model_file import load_network
 from deeplight.training.network.generator import Generator, NetworkConfig
 from networks import EVERYTHING, EVERYTHING_CONTRACT, random_network, traced_once
@@ -55,6 +56,7 @@ def views(count: int, seed: int) -> Views:
     return Views(
         torch.from_numpy(averaged), torch.tensor(camera, dtype=torch.float32),
         torch.tensor(errors, dtype=torch.float32), torch.zeros(count),
+        torch.from_numpy(np.where(np.arange(count) % 5, one[:, 0] > 0, np.nan)),
         np.array([f"place{n % 7}" for n in range(count)]),
         np.array([f"take{n // 2}" for n in range(count)]),
     )  # fmt: skip
@@ -100,6 +102,31 @@ def test_scales_set_anew_change_nothing_else_in_the_file(
     said = load_network(second)[0].heads
     assert said is not None
     assert measured(said, views(300, 1))["brightness_scale"].within == pytest.approx(0.78, abs=0.01)
+
+
+def test_rooms_are_learnt_and_nothing_else_changes(
+    everything_model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shallow_networks: None
+) -> None:
+    second, new = tmp_path / "second.onnx", views(300, 1)
+    monkeypatch.setattr(teaching, "views_of", lambda *_: views(900, 0))
+    monkeypatch.setattr(onnx, "traced", traced_once)
+    write_network(everything_model, second, refinement=Refinement(indoors=("data",)))
+    networks = [load_network(path)[0] for path in (everything_model, second)]
+    before, after = (network.state_dict() for network in networks)
+    changed = {name for name in before if not torch.equal(before[name], after[name])}
+    # The graph is traced with a bias of zeros, which the exporter leaves out.
+    assert changed - {"heads.indoors.bias"} == {"heads.indoors.weight"}
+    said = [network.heads.read(new.averaged)[:, -1] for network in networks if network.heads]
+    assert torch.equal(said[0], torch.full((300,), 0.5))  # the twin: nobody has taught it
+    known = new.indoors.isfinite()
+    assert ((said[1] > 0.5) == (new.indoors > 0.5))[known].float().mean() > 0.9
+
+
+def test_of_one_kind_of_place_no_room_is_learnt() -> None:
+    heads, some = network().heads, views(50, 1)
+    assert heads is not None
+    learn_indoors(heads, some.averaged, torch.ones(50), some.places)
+    assert not heads.indoors.weight.any()
 
 
 def test_errors_of_light_are_what_they_are_called() -> None:

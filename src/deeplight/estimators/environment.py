@@ -160,10 +160,10 @@ def assemble(
     photo = project_photo(pixels, plane, height)
     found = find_lamps(lighting, photo, lamps)
     smooth = around = smooth_map(found.rest.radiance, min(MAP_ROWS, height))
-    goes_on = fill is not None and tilt is not None
-    if goes_on:
-        around = continued(around, photo, tilt)
-    around, place = adapted(around, photo.pixels, plane), ITSELF if goes_on else None
+    place = None
+    if fill is not None and tilt is not None:
+        around, place = continued(around, photo, tilt), ITSELF
+    around = adapted(around, photo.pixels, plane)
     if fill is not None and fill != "photo":
         level = np.eye(3) if tilt is None else tilt.level_from_camera
         around, place = detailed(around, photo, level, fill)

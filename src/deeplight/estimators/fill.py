@@ -32,7 +32,7 @@ ROWS = 16
 LARGEST_RATIO = 6.0
 """A detail is at most this much brighter or darker than what lies around it."""
 SURE = 0.75
-"""From this chance on a photo counts as taken in a room, or not in one; chosen on validation places."""
+"""From this chance on a photo counts as taken in a room, or as not; chosen on validation places."""
 _DARKEST, _BRIGHTEST = 0.02, 20.0  # of the median: beyond it lamps would set the smooth light
 _SEEN_COUNTS = 3.0  # what the photo shows counts for more than what is estimated
 _COLOUR_COUNTS = 0.5
