@@ -111,6 +111,10 @@ def test_the_previews_marks_are_these_lamps(estimate: Estimate, scene: SceneLigh
     away = np.array([np.hypot(y - row, x - column) for row, column in places])
     assert (away < 20).any(1).all()  # each lamp has a ring
     assert (away < 20).any(0).all()  # and each ring a lamp
+    said = preview(estimate, scene.environment, "hall", elsewhere="its detail invented")
+    changed = np.nonzero((said != picture).any((1, 2)))[0]
+    assert len(changed) > 5
+    assert 64 + height <= changed.min() <= changed.max() < 64 + height + 40  # under it
 
 
 def written_lights(text: str, kind: str) -> list[Float[np.ndarray, "3"]]:

@@ -49,6 +49,7 @@ def preview(
     confidence: Sequence[str] = (),
     direction_known: bool = True,
     tilt: Tilt | None = None,
+    elsewhere: str = "",
 ) -> UInt8[np.ndarray, "736 1280 3"]:
     """Draw the preview of one estimate.
 
@@ -59,6 +60,7 @@ def preview(
         confidence: how sure the estimate is, a line each.
         direction_known: whether the main light's place can be relied on.
         tilt: the camera's, to show the panorama level: in the camera's frame a horizon is a wave.
+        elsewhere: what the environment is where the photo does not look.
     """
     canvas = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
     draw = ImageDraw.Draw(canvas)
@@ -71,6 +73,9 @@ def preview(
     turn = tilt.level_from_camera if tilt else np.eye(3)
     shown = _turned(environment.radiance, turn) if tilt else environment.radiance
     canvas.paste(_tone_mapped(shown, 0.0, LIGHT_SIZE), (left, 64))
+    if elsewhere:
+        around = f"where the photo does not look: {elsewhere}"
+        draw.text((left, 64 + LIGHT_SIZE[1] + 10), around, FAINT, _font(CAPTION))
     lamps = [lamp.turned(turn) for lamp in environment.lamps]
     mark_lamps(draw, lamps, (left, 64, *LIGHT_SIZE), direction_known)
     below = 64 + LIGHT_SIZE[1] + 40

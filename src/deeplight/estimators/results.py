@@ -105,7 +105,7 @@ def _written(
     if estimate.heads:
         facts["camera_guess"] = camera_record(estimate.heads)
     facts |= more
-    seen, main_light = None, None
+    seen, main_light, elsewhere = None, None, ""
     if scene is None:
         ball = Environment.from_lighting(estimate.lighting, spec.height)
         environment = replace(ball, known_lamps=())
@@ -116,6 +116,7 @@ def _written(
         latlong = scene.rest if spec.lamps_apart else environment.radiance
         seen = scene.seen if spec.seen_channel else None
         facts["lamps"] = lamps_record(scene.lamps, in_environment=not spec.lamps_apart)
+        elsewhere = _elsewhere(scene)["elsewhere"]
         facts["seen"] = seen_record(scene.seen) | _elsewhere(scene)
         if scene.tilt is not None:
             facts["camera_tilt"] = _tilt_record(scene.tilt)
@@ -134,12 +135,13 @@ def _written(
     files.append(stem.with_name(f"{stem.name}.preview.png"))
     known = confidence.words["direction"] == "roughly known"
     tilt = scene.tilt if scene else None
-    picture = preview(estimate, environment, title, confidence.sentences, known, tilt)
+    said = confidence.sentences
+    picture = preview(estimate, environment, title, said, known, tilt, elsewhere)
     write_png(files[-1], picture)
     return files
 
 
-def _elsewhere(scene: SceneLight) -> dict[str, Any]:
+def _elsewhere(scene: SceneLight) -> dict[str, str]:
     """What the environment is where the photo does not look."""
     if scene.detail_of is None:
         return {"elsewhere": "estimated"}
