@@ -2,6 +2,7 @@ import { fileURLToPath } from "node:url";
 import { defaultClientConditions } from "vite";
 import { defineConfig } from "vitest/config";
 import { basisWithoutEval } from "./build/basis.ts";
+import { detailLibrary } from "./build/detail-library.ts";
 import { contentPolicy } from "./build/policy.ts";
 import { precache } from "./build/precache.ts";
 import { sceneObjects } from "./build/scene-objects.ts";
@@ -17,6 +18,7 @@ export default defineConfig({
     threeInParts(),
     contentPolicy(here("../src/deeplight/demo/policy.txt")),
     shippedModel(here("../src/deeplight/weights/deeplight.onnx")),
+    detailLibrary(here("../src/deeplight/weights/detail.npz")),
     sceneObjects(here("public/objects"), here("packages/deeplight/src/core.ts")),
     precache("service-worker.js", /^objects\/.*\.(bin|gltf)$|^icons\/share\.jpg$/),
   ],

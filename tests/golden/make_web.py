@@ -8,6 +8,8 @@ import base64
 import inspect
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,6 +25,7 @@ from deeplight.contract import ModelContract
 from deeplight.estimators import (
     confidence,
     continuation,
+    fill,
     lamps,
     look,
     projection,
@@ -32,10 +35,10 @@ from deeplight.estimators import (
     upright,
     upright_edges,
 )
-from deeplight.estimators.environment import assemble
+from deeplight.estimators.environment import ITSELF, SceneLight, assemble
 from deeplight.estimators.network import WHOLE_VIEW, lamps_of
 from deeplight.estimators.onnx import OnnxEstimator
-from deeplight.estimators.results import write_results
+from deeplight.estimators.results import elsewhere_record, write_results
 from deeplight.frames import normalised, turned, world_from_camera
 from deeplight.fuse import blend, gains, merge, session, steady, view
 from deeplight.io import colour, lighting_file
@@ -114,6 +117,7 @@ def constants() -> dict[str, Any]:
         "FUSE": numbers_of(view, gains, blend, merge, steady, session),
         "PHOTO_LIGHT": numbers_of(projection, surroundings, lamps),
         "CONTINUATION": numbers_of(continuation),
+        "DETAIL": numbers_of(fill),
         "UPRIGHT": numbers_of(upright),
         "UPRIGHT_EDGES": {"SURE_RAD": tilt.SURE_RAD, **numbers_of(upright_edges)},
     }
@@ -153,7 +157,17 @@ def scene_file_words() -> dict[str, Any]:
     seen_entry = lighting_file.seen_record(
         np.ones((lighting_file.SEEN_HEIGHT, 2 * lighting_file.SEEN_HEIGHT))
     )
-    return {"lamps": lamp_entry, "seen": seen_entry | {"levels": None}}
+    nothing = np.zeros((1, 2, 3), np.float32)
+    words = {
+        name: elsewhere_record(SceneLight(nothing, (), nothing[..., 0], detail_of))["elsewhere"]
+        for name, detail_of in {"smooth": None, "rows": ITSELF, "invented": "a place"}.items()
+    }
+    return {
+        "lamps": lamp_entry,
+        "seen": seen_entry | {"levels": None},
+        "itself": ITSELF,
+        "elsewhere": words,
+    }
 
 
 def _is_result(key: str, value: Any) -> bool:
@@ -240,9 +254,53 @@ SCENE_ROWS, SCENE_FOV_RAD = 160, 1.3
 SCENE_TILT = Tilt(-0.25, 0.1, "made up", 0.1)
 
 
+class BlockyPlace(fill.LibraryPlace):
+    """A place of the library whose picture is no JPEG, but few levels, each of many pixels."""
+
+    def detail(self) -> np.ndarray:
+        levels = np.frombuffer(self.picture, np.uint8).reshape(8, 16, 3).astype(np.float32)
+        times = np.ones((fill.DETAIL_ROWS // 8, fill.DETAIL_ROWS // 8, 1), np.float32)
+        return np.kron((levels - 128) * (np.log(fill.LARGEST_RATIO) / 127), times).astype("f4")
+
+
+def made_up_library() -> tuple[BlockyPlace, ...]:
+    """Places of random light and detail: of the indoor ones the best fits as it is, of the others mirrored."""
+    made = np.random.default_rng(2)
+    sky = np.linspace(0.8, -0.8, fill.ROWS)[:, None, None]
+    return tuple(
+        BlockyPlace(
+            f"place {number}",
+            kind,
+            (sky + made.normal(0, 0.5, (fill.ROWS, 2 * fill.ROWS, 3))).astype(np.float32),
+            made.integers(60, 200, (8, 16, 3), np.uint8).tobytes(),
+        )
+        for number, kind in enumerate(["indoor", "outdoor", "indoor", "outdoor", "indoor"])
+    )
+
+
+@contextmanager
+def library_of(places: tuple[BlockyPlace, ...]) -> Iterator[None]:
+    """Detail comes from these places meanwhile."""
+    own = fill.library
+    fill.library = lambda: places
+    fill._maps.cache_clear()
+    yield
+    fill.library = own
+    fill._maps.cache_clear()
+
+
+def _place(place: BlockyPlace) -> dict[str, Any]:
+    return {
+        "name": place.name,
+        "kind": place.kind,
+        "smooth": packed(place.smooth),
+        "levels": base64.b64encode(place.picture).decode(),
+    }
+
+
 def scene_golden() -> dict[str, Any]:
-    """A made-up photo put into a made-up light: with the lamps of a network, without any, and with
-    the photo going on all around."""
+    """A made-up photo put into a made-up light: with the lamps of a network, without any, with the
+    photo going on all around, and with made-up detail over that."""
     lighting = light()
     own = [
         Lamp(normalised(np.array([0.1, 0.35, -1.0])), np.array([3.0, 2.5, 2.0]), 0.12),
@@ -257,14 +315,22 @@ def scene_golden() -> dict[str, Any]:
         "lamps": (Lighting(drawn), own, None),
         "no_lamps": (lighting, [], None),
         "upright": (Lighting(drawn), own, SCENE_TILT),
+        "indoor": (Lighting(drawn), own, SCENE_TILT, "indoor"),
+        "outdoor": (lighting, [], None, "outdoor"),
     }
+    places = made_up_library()
+    with library_of(places):
+        found = {name: _scene(photo, plane, *case) for name, case in cases.items()}
+    chances = [0.0, 0.25, 0.2501, 0.5, 0.7499, 0.75, 1.0]
     return {
+        "places": [_place(place) for place in places],
+        "fills": [[chance, fill.chosen("auto", {"indoors": chance})] for chance in chances],
         "vertical_fov_rad": SCENE_FOV_RAD,
         "photo": {"height": len(photo), "width": photo.shape[1], "rgb": as_text(photo)},
         "rows": SCENE_ROWS,
         "own_lamps": [_lamp(lamp) for lamp in own],
         "tilt": {"up": SCENE_TILT.up.tolist(), "scaleRad": SCENE_TILT.scale_rad},
-        **{name: _scene(photo, plane, *case) for name, case in cases.items()},
+        **found,
     }
 
 
@@ -285,8 +351,9 @@ def _scene(
     lighting: Lighting,
     own: list[Lamp],
     tilt: Tilt | None,
+    filling: fill.Chosen = "photo",
 ) -> dict[str, Any]:
-    scene = assemble(lighting, photo, plane, SCENE_ROWS, own, tilt=tilt)
+    scene = assemble(lighting, photo, plane, SCENE_ROWS, own, filling, tilt)
     environment = scene.environment
     return {
         "ball": packed(lighting.radiance),
@@ -297,6 +364,7 @@ def _scene(
             "hw,hwc->c", latlong.solid_angles(SCENE_ROWS, 2 * SCENE_ROWS), environment.radiance
         ).tolist(),
         "as_ball": packed(environment.lighting.radiance),
+        "elsewhere": elsewhere_record(scene),
     }
 
 

@@ -10,7 +10,7 @@ import { decodedHdr } from "../tests/hdr.ts";
 import { boxGlb, LIT } from "./box.ts";
 import { DESKTOP, launch, PHONE_LYING, untilLit, type Visit, visit } from "./browser.ts";
 import { PHOTOS } from "./clip.ts";
-import { pixels, saved } from "./pictures.ts";
+import { apart, pixels, saved } from "./pictures.ts";
 import { ballOf, estimated, farthest, type Site, serve } from "./python.ts";
 
 const CANTEEN = fileURLToPath(new URL("canteen.jpg", PHOTOS));
@@ -46,12 +46,6 @@ async function openPhoto(page: Page, file: string): Promise<void> {
 /** Runs in the page: waits until the view has come back from where an open tray had moved it. */
 async function atRest(view: Element): Promise<void> {
   await Promise.allSettled(view.getAnimations().map(({ finished }) => finished));
-}
-
-/** How far two environments are apart in ln radiance, but for one texel of a hundred. */
-function apart(ours: Float32Array, theirs: Float32Array): number {
-  const off = ours.map((value, i) => Math.abs(Math.log((value + 0.01) / (theirs[i]! + 0.01))));
-  return off.sort()[Math.floor(0.99 * off.length)]!;
 }
 
 test.each([

@@ -53,3 +53,9 @@ export async function pixels(page: Page, file: Buffer): Promise<Pixels> {
     },
   };
 }
+
+/** How far two environments are apart in ln radiance, but for one texel of a hundred. */
+export function apart(ours: Float32Array, theirs: Float32Array): number {
+  const off = ours.map((value, i) => Math.abs(Math.log((value + 0.01) / (theirs[i]! + 0.01))));
+  return off.sort()[Math.floor(0.99 * off.length)]!;
+}

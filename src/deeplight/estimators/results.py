@@ -116,8 +116,9 @@ def _written(
         latlong = scene.rest if spec.lamps_apart else environment.radiance
         seen = scene.seen if spec.seen_channel else None
         facts["lamps"] = lamps_record(scene.lamps, in_environment=not spec.lamps_apart)
-        elsewhere = _elsewhere(scene)["elsewhere"]
-        facts["seen"] = seen_record(scene.seen) | _elsewhere(scene)
+        unseen = elsewhere_record(scene)
+        elsewhere = unseen["elsewhere"]
+        facts["seen"] = seen_record(scene.seen) | unseen
         if scene.tilt is not None:
             facts["camera_tilt"] = _tilt_record(scene.tilt)
     files = save_lighting(
@@ -141,8 +142,8 @@ def _written(
     return files
 
 
-def _elsewhere(scene: SceneLight) -> dict[str, str]:
-    """What the environment is where the photo does not look."""
+def elsewhere_record(scene: SceneLight) -> dict[str, str]:
+    """Give the JSON entries of what the environment is where the photo does not look."""
     if scene.detail_of is None:
         return {"elsewhere": "estimated"}
     if scene.detail_of == ITSELF:

@@ -33,6 +33,7 @@ export class ModelLoader {
     box("loading").hidden = false;
     const estimator = Estimator.start({
       model: new URL("model/deeplight.onnx", document.baseURI),
+      detail: new URL("model/detail.bin", document.baseURI),
       worker: () =>
         new Worker(new URL("./estimate-worker.ts", import.meta.url), { type: "module" }),
       onProgress: (done, all) => {

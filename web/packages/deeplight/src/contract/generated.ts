@@ -237,6 +237,12 @@ export const SCENE_FILE = {
     "width": 128,
     "encoding": "base64 of zlib of 8 bits, rows from the top, 255 = the photo shows it; centre column = the view, whatever the environment files are turned for",
     "levels": null
+  },
+  "itself": "the photo itself",
+  "elsewhere": {
+    "smooth": "estimated",
+    "rows": "estimated, brought to the means of the rows that the photo shows",
+    "invented": "estimated, its detail invented"
   }
 } as const;
 
@@ -375,6 +381,18 @@ export const CONTINUATION = {
   "EVERY": 2,
   "DARKEST": 0.001,
   "STEEPEST": 0.98
+} as const;
+
+export const DETAIL = {
+  "DETAIL_ROWS": 128,
+  "ROWS": 16,
+  "LARGEST_RATIO": 6.0,
+  "SURE": 0.75,
+  "DARKEST": 0.02,
+  "BRIGHTEST": 20.0,
+  "SEEN_COUNTS": 3.0,
+  "COLOUR_COUNTS": 0.5,
+  "STRAY": 0.0001
 } as const;
 
 export const UPRIGHT = {

@@ -31,6 +31,8 @@ export interface Setup {
   /** Starts `deeplight/worker`. */
   readonly worker: () => Worker;
   readonly onProgress?: Progress | undefined;
+  /** Where the library of detail is that goes over what a photo does not show; without it none does. */
+  readonly detail?: URL | undefined;
 }
 
 /** Which network it is. */
@@ -75,12 +77,14 @@ export class Estimator {
 
   private constructor(
     private readonly worker: Worker,
-    { model, onProgress }: Setup,
+    { model, onProgress, detail }: Setup,
   ) {
-    this.loaded = this.#load(model, onProgress ?? (() => {})).catch((error: unknown) => {
-      this.close();
-      throw error;
-    });
+    this.loaded = this.#load({ model, detail }, onProgress ?? (() => {})).catch(
+      (error: unknown) => {
+        this.close();
+        throw error;
+      },
+    );
   }
 
   /** Takes frames from now on; their light comes when everything has been loaded. */
@@ -168,7 +172,10 @@ export class Estimator {
     this.worker.postMessage(job.request, "frame" in job.request ? [job.request.frame] : []);
   }
 
-  #load(model: URL | Uint8Array, onProgress: Progress): Promise<ModelFacts> {
+  #load(
+    { model, detail }: Pick<Setup, "model" | "detail">,
+    onProgress: Progress,
+  ): Promise<ModelFacts> {
     const file = model instanceof URL ? model.pathname.split("/").at(-1)! : null;
     return new Promise((done, failed) => {
       this.worker.onmessage = ({ data }: MessageEvent<Reply>) => {
@@ -186,7 +193,7 @@ export class Estimator {
         else failed(errorOf(fault));
       };
       const load = model instanceof URL ? model.href : model;
-      this.worker.postMessage({ load } satisfies Request);
+      this.worker.postMessage({ load, detail: detail?.href } satisfies Request);
     });
   }
 

@@ -9,7 +9,7 @@ import type { Contract } from "../network/contract.ts";
 import { Network, requireFinite } from "../network/network.ts";
 import type { Dense } from "../network/onnx.ts";
 import { planeOf, reducedSize } from "../scene/image-plane.ts";
-import { type SceneLight, sceneLight } from "../scene/scene-light.ts";
+import { type Detail, type SceneLight, sceneLight } from "../scene/scene-light.ts";
 import { CellMeans, wholePhoto } from "./cell-means.ts";
 import {
   type Confidence,
@@ -40,8 +40,8 @@ interface Alone {
 }
 
 export type Request =
-  /** The address of a model file, or its bytes. */
-  | { readonly load: string | Uint8Array }
+  /** The address of a model file, or its bytes; and of the library of made-up detail. */
+  | { readonly load: string | Uint8Array; readonly detail?: string | undefined }
   /** One frame for itself; with `sceneRows` put into its light, a panorama of this number of rows. */
   | (WithFrame & Alone)
   /** One of many frames of a place. */
@@ -101,17 +101,33 @@ export interface Fault {
   readonly detail: string;
 }
 
+/**
+ * Begins to fetch a library of detail; gives what of it suits a photo, by what the network says of that
+ * one. Nothing where it cannot be fetched, or nothing suits.
+ */
+export type DetailSource = (
+  url: string,
+) => (heads: Readonly<Record<string, number>> | null) => Promise<Detail | undefined>;
+
 /** Where nobody asks for light so soon, the first run, which is slow, is done beforehand. */
 const IDLE_MS = 300;
 
 let loading: Promise<Network> | undefined;
+let detailUrl: string | undefined;
+let detailAt: DetailSource | undefined;
 let isAsked = false;
 const picker = new Picker();
 
 const tracker = new Tracker();
 
+/** From now on photos get detail where a library is named: for workers that hold what that takes. */
+export function layDetail(source: DetailSource): void {
+  detailAt = source;
+}
+
 self.onmessage = ({ data }: MessageEvent<Request>) => {
   if ("load" in data) {
+    detailUrl = data.detail;
     load(data.load).then(reply, (error: unknown) => reply({ notLoaded: faultOf(error) }));
   } else if ("leave" in data) {
     tracker.leave();
@@ -173,6 +189,7 @@ async function whenLoaded(): Promise<Network> {
 
 async function estimate(asked: WithFrame & Alone): Promise<Answer> {
   const { frame, verticalFovRad, sceneRows } = asked;
+  const detail = sceneRows && detailUrl ? detailAt?.(detailUrl) : undefined;
   const network = await whenLoaded();
   const { contract } = network;
   const started = performance.now();
@@ -209,7 +226,8 @@ async function estimate(asked: WithFrame & Alone): Promise<Answer> {
         const cells = new CellMeans(edgeGrid(photo));
         return { grid: cells.grid, pixels: cells.rgb(await picker.pick(frame, cells), 255) };
       });
-  const scene = sceneLight(ball, placed, sceneRows, lampsIn(others, contract), tilt);
+  const own = lampsIn(others, contract);
+  const scene = sceneLight(ball, placed, sceneRows, own, tilt, await detail?.(heads));
   if (heads) return { ...answer, scene, confidence: surenessOf(heads, logRadiance, placed) };
   const answers = cuts.map((cut, i) => {
     const given = cut.planes(input_low, input_high, isReversed);

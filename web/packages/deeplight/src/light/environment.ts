@@ -10,6 +10,8 @@ export interface Environment {
   readonly height: number;
   /** How much of each texel pixels of a camera show, 0 to 1; elsewhere the light is estimated. */
   readonly seen: Float32Array;
+  /** Of one photo: whose detail was made up elsewhere; null where that is smooth. */
+  readonly detailOf?: string | null;
 }
 
 /** Part of all directions that was seen, by solid angle: 0 to 1. */

@@ -91,11 +91,21 @@ function irradiance({ flux, angularRadiusRad }: Lamp): readonly number[] {
   return flux.map((value) => value * Math.cos(angularRadiusRad / 2) ** 2);
 }
 
-function seenEntry({ seen, height }: Environment): Record<string, unknown> {
+function seenEntry({ seen, height, detailOf }: Environment): Record<string, unknown> {
   const rows = Math.min(SCENE_FILE.seen.height, height);
   const small = resized(seen, height, rows, 1);
   const levels = Uint8Array.from(small, (share) => Math.floor(255 * share + 0.5));
-  return { ...SCENE_FILE.seen, height: rows, width: 2 * rows, levels: base64(zlibbed(levels)) };
+  const size = { height: rows, width: 2 * rows };
+  return { ...SCENE_FILE.seen, ...size, levels: base64(zlibbed(levels)), ...elsewhere(detailOf) };
+}
+
+/** What the environment of one photo is where the photo does not look. */
+function elsewhere(detailOf?: string | null): Record<string, string> {
+  const { itself, elsewhere } = SCENE_FILE;
+  if (detailOf === undefined) return {};
+  if (detailOf === null) return { elsewhere: elsewhere.smooth };
+  if (detailOf === itself) return { elsewhere: elsewhere.rows };
+  return { elsewhere: elsewhere.invented, detail_of: detailOf };
 }
 
 /** Bytes in zlib's format, as they are: for at most 65,535 of them. */

@@ -3,12 +3,14 @@ import { mkdirSync, writeFileSync } from "node:fs";
 import { describe, expect, test } from "vitest";
 import { floats, golden, largestError } from "../../../../tests/golden.ts";
 import { decodedHdr } from "../../../../tests/hdr.ts";
-import { CONTRACT } from "../contract/generated.ts";
+import { CONTRACT, SCENE_FILE } from "../contract/generated.ts";
+import type { Environment } from "../light/environment.ts";
 import { Lighting } from "../light/lighting.ts";
 import { encodedHdr, hdrFile } from "./hdr-file.ts";
 import { type About, jsonFile, record } from "./json-file.ts";
 
 const want = golden("photo");
+const scenes = golden("scene");
 const lighting = new Lighting(floats(want.record_log_radiance));
 const about: About = {
   model: {
@@ -57,6 +59,21 @@ describe("the JSON file", () => {
     expect(light.primary_light_intensity).toEqual(listed!.irradiance);
     expect(light.share_of_power).toBeGreaterThan(0);
     expect(light.share_of_power).toBeLessThan(1);
+  });
+
+  test.each(["lamps", "upright", "indoor"])("says what is not seen as Python, case %s", (name) => {
+    const { elsewhere } = scenes[name];
+    const itself = name === "lamps" ? null : SCENE_FILE.itself;
+    const environment = {
+      radiance: new Float32Array(24),
+      height: 2,
+      seen: new Float32Array(8),
+      detailOf: elsewhere.detail_of ?? itself,
+    };
+    const of = (one: Environment) => record(lighting, about, { lamps: [], environment: one }).seen;
+    expect(of(environment)).toMatchObject(elsewhere);
+    const { detailOf: _, ...gathered } = environment;
+    expect(of(gathered)).not.toHaveProperty("elsewhere");
   });
 
   test("holds the ball exactly", () => {

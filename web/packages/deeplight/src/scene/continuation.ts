@@ -40,12 +40,6 @@ export function continued(
   const further = blurred(change, BLUR_RAD);
   const behind = further.map((value, i) => value * BEHIND * trust + doubtful[i]! * DOUBTED);
   const front = normalised([up[0] * up[2], up[1] * up[2], up[2] ** 2 - 1]);
-  const seen = enlarged(shrunk(shown.seen, shown.height, SEEN_ROWS, 1), SEEN_ROWS, rows, 1);
-  const hidden = (whole: Float32Array) =>
-    powerOf(
-      whole.map((value, i) => value * (1 - seen[Math.floor(i / 3)]!)),
-      rows,
-    );
   const result = map.slice();
   const directions = texelDirections(rows);
   for (let i = 0; i < map.length; i += 3) {
@@ -57,8 +51,24 @@ export function continued(
       result[i + c]! *= Math.exp(at(inFront) * toFront + at(behind) * (1 - toFront));
     }
   }
-  const [was, is] = [hidden(map), hidden(result)];
-  return result.map((value, i) => value * (was[i % 3]! / Math.max(is[i % 3]!, 1e-30)));
+  return hiddenKept(result, map, rows, shown);
+}
+
+/** A changed map times what keeps the power of what the photo does not show, channel by channel. */
+export function hiddenKept(
+  changed: Float32Array,
+  map: Float32Array,
+  rows: number,
+  shown: ProjectedPhoto,
+): Float32Array {
+  const seen = enlarged(shrunk(shown.seen, shown.height, SEEN_ROWS, 1), SEEN_ROWS, rows, 1);
+  const hidden = (whole: Float32Array) =>
+    powerOf(
+      whole.map((value, i) => value * (1 - seen[Math.floor(i / 3)]!)),
+      rows,
+    );
+  const [was, is] = [hidden(map), hidden(changed)];
+  return changed.map((value, i) => value * (was[i % 3]! / Math.max(is[i % 3]!, 1e-30)));
 }
 
 /** Rows of three channels blurred by a Gaussian of elevation; a width of 0 leaves them. */

@@ -1,12 +1,21 @@
 import { describe, expect, test } from "vitest";
-import { bytes, floats, golden, largestError } from "../../../../tests/golden.ts";
+import {
+  bytes,
+  floats,
+  golden,
+  largestError,
+  type Packed,
+  relativeError,
+} from "../../../../tests/golden.ts";
+import { SCENE_FILE } from "../contract/generated.ts";
 import { radianceFromPixel } from "../light/camera-response.ts";
 import type { Lamp } from "../light/lamp.ts";
 import type { Vector3 } from "../light/matrix.ts";
-import { ballFromPanorama, powerOf } from "../light/panorama.ts";
+import { ballFromPanorama, enlarged, powerOf } from "../light/panorama.ts";
 import { continued, type Tilt } from "./continuation.ts";
+import { detailed, type LibraryPlace, sureKind } from "./detail.ts";
 import { planeOf, projected, reducedSize } from "./image-plane.ts";
-import { sceneLight } from "./scene-light.ts";
+import { type Detail, sceneLight } from "./scene-light.ts";
 
 const stored = golden("scene");
 const { rows } = stored;
@@ -15,14 +24,49 @@ const plane = planeOf(size, stored.vertical_fov_rad);
 const pixels = Float32Array.from(bytes(stored.photo.rgb), (value) => value / 255);
 const placed = { ...size, pixels, plane };
 
+const places: readonly LibraryPlace[] = stored.places.map(
+  ({
+    name,
+    kind,
+    smooth,
+    levels,
+  }: Record<"name" | "kind" | "levels", string> & { smooth: Packed }) => ({
+    name,
+    kind,
+    smooth: floats(smooth),
+    levels: enlargedLevels(bytes(levels)),
+  }),
+);
+
+/** A picture of 8 x 16 levels, each drawn out to a square, as RGBA. */
+function enlargedLevels(few: Uint8Array): Uint8Array {
+  return Uint8Array.from({ length: 4 * 128 * 256 }, (_, i) => {
+    const [row, column] = [Math.floor(i / 1024) >> 4, ((i >> 2) % 256) >> 4];
+    return i % 4 === 3 ? 255 : few[3 * (16 * row + column) + (i % 4)]!;
+  });
+}
+
+const detailOf = (kind: string): Detail => {
+  const alike = places.filter((place) => place.kind === kind);
+  return (...known) => detailed(...known, alike);
+};
+
 const cases = {
   lamps: { own: stored.own_lamps as readonly Lamp[], tilt: null },
   no_lamps: { own: [], tilt: null },
   upright: { own: stored.own_lamps as readonly Lamp[], tilt: stored.tilt as Tilt },
+  indoor: { own: stored.own_lamps as readonly Lamp[], tilt: stored.tilt as Tilt },
+  outdoor: { own: [], tilt: null },
 };
 
-function scene(name: keyof typeof cases, photo = placed, tilt: Tilt | null = cases[name].tilt) {
-  return sceneLight(floats(stored[name].ball), photo, rows, cases[name].own, tilt);
+function scene(
+  name: keyof typeof cases,
+  photo = placed,
+  tilt: Tilt | null = cases[name].tilt,
+  kind: string = name,
+) {
+  const detail = kind.endsWith("door") ? detailOf(kind) : undefined;
+  return sceneLight(floats(stored[name].ball), photo, rows, cases[name].own, tilt, detail);
 }
 
 function everyEighth(values: Float32Array, channels: number): Float32Array {
@@ -37,7 +81,7 @@ function farthest(got: Float32Array, want: Float32Array): number {
   }, 0);
 }
 
-describe.each(["lamps", "no_lamps", "upright"] as const)(
+describe.each(["lamps", "no_lamps", "upright", "indoor", "outdoor"] as const)(
   "a photo in its light, case %s",
   (name) => {
     const want = stored[name];
@@ -52,6 +96,9 @@ describe.each(["lamps", "no_lamps", "upright"] as const)(
       powerOf(got.radiance, rows).forEach((power, c) => {
         expect(power / want.power[c]).toBeCloseTo(1, 3);
       });
+      expect(got.detailOf).toBe(
+        want.elsewhere.detail_of ?? (cases[name].tilt && SCENE_FILE.itself),
+      );
       const ball = ballFromPanorama(got.radiance, rows, 32);
       expect(farthest(ball, floats(want.as_ball))).toBeLessThan(2e-2);
     });
@@ -106,6 +153,49 @@ describe("a photo that goes on all around", () => {
     expect(largestError(hidden(got), hidden(map))).toBeLessThan(1e-4);
     expect(largestError(got, map)).toBeGreaterThan(0.05);
     expect(continued(map, 64, shown, known([0, 0.1, -0.995]))).toBe(map); // straight up: no side is ahead
+  });
+});
+
+describe("made-up detail", () => {
+  test.each(stored.fills as [number, string][])(
+    "a chance of a room of %d is %s",
+    (indoors, fill) => {
+      expect(sureKind({ indoors }) ?? "photo").toBe(fill);
+    },
+  );
+
+  test("is left out where a network says nothing of rooms", () => {
+    expect([sureKind({}), sureKind(null)]).toEqual([null, null]);
+  });
+
+  test.each([
+    ["of the other kind", "indoor", stored.tilt, "outdoor"],
+    ["without a level horizon", "indoor", null, "indoor"],
+    ["tilted", "outdoor", stored.tilt, "outdoor"],
+    ["left out", "outdoor", null, "photo"],
+  ] as const)("is another light if it is %s", (_, name, tilt, kind) => {
+    const radiance = everyEighth(scene(name, placed, tilt, kind).radiance, 3);
+    expect(farthest(radiance, floats(stored[name].radiance_every_8th_row))).toBeGreaterThan(0.1);
+  });
+
+  test("keeps the power of what is not seen, is brought to fewer rows", () => {
+    const shown = projected(placed, 64);
+    const map = new Float32Array(6 * 64 * 64)
+      .fill(0.5)
+      .map((value, i) => value + 0.2 * Math.sin(i));
+    const { radiance, rows: fine } = detailOf("indoor")(map, 64, shown, [0, 1, 0]);
+    expect(fine).toBe(128);
+    const seen = enlarged(shown.seen, 64, fine, 1);
+    const hidden = (whole: Float32Array) =>
+      powerOf(
+        whole.map((value, i) => value * (1 - seen[Math.floor(i / 3)]!)),
+        fine,
+      );
+    const plain = enlarged(map, 64, fine);
+    expect(relativeError(hidden(radiance), hidden(plain))).toBeLessThan(1e-5);
+    expect(largestError(radiance, plain)).toBeGreaterThan(0.1);
+    const few = sceneLight(floats(stored.lamps.ball), placed, 64, [], null, detailOf("indoor"));
+    expect(few.radiance.length).toBe(6 * 64 * 64);
   });
 });
 
