@@ -1,15 +1,14 @@
 """Make what the live page shares with Python: python tests/golden/make_web.py.
 
 The constants go to web/packages/deeplight/src/contract/generated.ts, golden values to
-web/tests/golden. Nothing in them is typed by hand on either side.
+web/tests/golden; make_web_scene.py makes those of a photo in its light. Nothing in them is typed by
+hand on either side.
 """
 
 import base64
 import inspect
 import json
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -35,17 +34,15 @@ from deeplight.estimators import (
     upright,
     upright_edges,
 )
-from deeplight.estimators.environment import ITSELF, SceneLight, assemble
+from deeplight.estimators.environment import ITSELF, SceneLight
 from deeplight.estimators.network import WHOLE_VIEW, lamps_of
 from deeplight.estimators.onnx import OnnxEstimator
 from deeplight.estimators.results import elsewhere_record, write_results
-from deeplight.frames import normalised, turned, world_from_camera
+from deeplight.frames import turned, world_from_camera
 from deeplight.fuse import blend, gains, merge, session, steady, view
 from deeplight.io import colour, lighting_file
-from deeplight.io.tilt import Tilt
-from deeplight.lamp import Lamp
 from deeplight.lighting import LIGHTING_SIZE, Lighting
-from deeplight.mappings import latlong, mirror_ball
+from deeplight.mappings import mirror_ball
 from deeplight.relight import relight_rig
 from deeplight.sphere import CROP_SIZE, PAPER_RIG
 from deeplight.transfer import file as transfer_file
@@ -250,132 +247,6 @@ def photo_golden() -> dict[str, Any]:
     }
 
 
-SCENE_ROWS, SCENE_FOV_RAD = 160, 1.3
-SCENE_TILT = Tilt(-0.25, 0.1, "made up", 0.1)
-
-
-class BlockyPlace(fill.LibraryPlace):
-    """A place of the library whose picture is no JPEG, but few levels, each of many pixels."""
-
-    def detail(self) -> np.ndarray:
-        levels = np.frombuffer(self.picture, np.uint8).reshape(8, 16, 3).astype(np.float32)
-        times = np.ones((fill.DETAIL_ROWS // 8, fill.DETAIL_ROWS // 8, 1), np.float32)
-        return np.kron((levels - 128) * (np.log(fill.LARGEST_RATIO) / 127), times).astype("f4")
-
-
-def made_up_library() -> tuple[BlockyPlace, ...]:
-    """Places of random light and detail: of the indoor ones the best fits as it is, of the others mirrored."""
-    made = np.random.default_rng(2)
-    sky = np.linspace(0.8, -0.8, fill.ROWS)[:, None, None]
-    return tuple(
-        BlockyPlace(
-            f"place {number}",
-            kind,
-            (sky + made.normal(0, 0.5, (fill.ROWS, 2 * fill.ROWS, 3))).astype(np.float32),
-            made.integers(60, 200, (8, 16, 3), np.uint8).tobytes(),
-        )
-        for number, kind in enumerate(["indoor", "outdoor", "indoor", "outdoor", "indoor"])
-    )
-
-
-@contextmanager
-def library_of(places: tuple[BlockyPlace, ...]) -> Iterator[None]:
-    """Detail comes from these places meanwhile."""
-    own = fill.library
-    fill.library = lambda: places
-    fill._maps.cache_clear()
-    yield
-    fill.library = own
-    fill._maps.cache_clear()
-
-
-def _place(place: BlockyPlace) -> dict[str, Any]:
-    return {
-        "name": place.name,
-        "kind": place.kind,
-        "smooth": packed(place.smooth),
-        "levels": base64.b64encode(place.picture).decode(),
-    }
-
-
-def scene_golden() -> dict[str, Any]:
-    """A made-up photo put into a made-up light: with the lamps of a network, without any, with the
-    photo going on all around, and with made-up detail over that."""
-    lighting = light()
-    own = [
-        Lamp(normalised(np.array([0.1, 0.35, -1.0])), np.array([3.0, 2.5, 2.0]), 0.12),
-        Lamp(normalised(np.array([0.9, 0.5, 0.4])), np.array([4.0, 4.0, 3.0]), 0.2),
-        Lamp(normalised(np.array([-0.5, 0.1, 0.9])), np.array([1.0, 1.0, 1.0]), 0.5),
-        Lamp(normalised(np.array([0.9, 0.4, 0.2])), np.array([2.0, 2.0, 2.0]), 0.15),
-    ]
-    drawn = lighting.radiance + sum(lobe.lobe_on_ball(lamp) for lamp in own)
-    photo = made_up_photo()
-    plane = projection.ImagePlane.centred(*photo.shape[:2], SCENE_FOV_RAD)
-    cases = {
-        "lamps": (Lighting(drawn), own, None),
-        "no_lamps": (lighting, [], None),
-        "upright": (Lighting(drawn), own, SCENE_TILT),
-        "indoor": (Lighting(drawn), own, SCENE_TILT, "indoor"),
-        "outdoor": (lighting, [], None, "outdoor"),
-    }
-    places = made_up_library()
-    with library_of(places):
-        found = {name: _scene(photo, plane, *case) for name, case in cases.items()}
-    chances = [0.0, 0.25, 0.2501, 0.5, 0.7499, 0.75, 1.0]
-    return {
-        "places": [_place(place) for place in places],
-        "fills": [[chance, fill.chosen("auto", {"indoors": chance})] for chance in chances],
-        "vertical_fov_rad": SCENE_FOV_RAD,
-        "photo": {"height": len(photo), "width": photo.shape[1], "rgb": as_text(photo)},
-        "rows": SCENE_ROWS,
-        "own_lamps": [_lamp(lamp) for lamp in own],
-        "tilt": {"up": SCENE_TILT.up.tolist(), "scaleRad": SCENE_TILT.scale_rad},
-        **found,
-    }
-
-
-def made_up_photo() -> np.ndarray:
-    """Waves, a small round lamp, a clipped window and a bright floor that does not clip."""
-    row, column = np.mgrid[:150, :120]
-    value = 90 + 50 * np.sin(column / 17) + 30 * np.cos(row / 11 + column / 40)
-    photo = np.stack([value, value + 10, value - 20], -1)
-    photo[np.hypot(row - 30, column - 70) < 5] = 255
-    photo[60:90, 8:30] = [255, 255, 240]
-    photo[130:] += 60
-    return photo.clip(0, 255).astype(np.uint8)
-
-
-def _scene(
-    photo: np.ndarray,
-    plane: projection.ImagePlane,
-    lighting: Lighting,
-    own: list[Lamp],
-    tilt: Tilt | None,
-    filling: fill.Chosen = "photo",
-) -> dict[str, Any]:
-    scene = assemble(lighting, photo, plane, SCENE_ROWS, own, filling, tilt)
-    environment = scene.environment
-    return {
-        "ball": packed(lighting.radiance),
-        "lamps": [_lamp(lamp) for lamp in scene.lamps],
-        "radiance_every_8th_row": packed(environment.radiance[::8]),
-        "seen_every_8th_row": packed(scene.seen[::8]),
-        "power": np.einsum(
-            "hw,hwc->c", latlong.solid_angles(SCENE_ROWS, 2 * SCENE_ROWS), environment.radiance
-        ).tolist(),
-        "as_ball": packed(environment.lighting.radiance),
-        "elsewhere": elsewhere_record(scene),
-    }
-
-
-def _lamp(lamp: Lamp) -> dict[str, Any]:
-    return {
-        "direction": lamp.direction.tolist(),
-        "flux": lamp.flux.tolist(),
-        "angularRadiusRad": lamp.angular_radius_rad,
-    }
-
-
 def example_photo() -> np.ndarray:
     """A photo small enough to store."""
     path = sorted((ROOT / "examples/photos").glob("*.jpg"))[0]
@@ -455,7 +326,6 @@ def golden_files() -> dict[str, dict[str, Any]]:
     return {
         "light.json": light_golden(),
         "photo.json": photo_golden(),
-        "scene.json": scene_golden(),
     }
 
 

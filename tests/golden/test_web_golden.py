@@ -27,11 +27,18 @@ def test_the_constants_are_those_of_the_package(make_web: ModuleType) -> None:
     assert make_web.GENERATED.read_text(encoding="utf-8") == make_web.generated(), REMEDY
 
 
-@pytest.mark.parametrize("name", ["light", "photo", "scene"])
+@pytest.mark.parametrize("name", ["light", "photo"])
 def test_golden_values_are_those_of_the_package(make_web: ModuleType, name: str) -> None:
     stored = json.loads((make_web.GOLDEN / f"{name}.json").read_text(encoding="utf-8"))
     fresh = getattr(make_web, f"{name}_golden")()
     assert differences(stored, json.loads(json.dumps(fresh))) == [], REMEDY
+
+
+def test_a_photo_in_its_light_is_that_of_the_package(root: Path, make_web: ModuleType) -> None:
+    make = web_maker(root, "make_web_scene")
+    stored = json.loads(make.FILE.read_text(encoding="utf-8"))
+    remedy = REMEDY.replace("make_web", "make_web_scene")
+    assert differences(stored, json.loads(json.dumps(make.golden()))) == [], remedy
 
 
 def test_a_changed_value_would_be_found() -> None:
