@@ -34,6 +34,8 @@ async function ofPage(file: string, withLibrary = true) {
   await page.setInputFiles("#photo-file", file);
   await untilLit(page);
   await page.waitForSelector("#viewer[data-light=whole]");
+  const caption = page.locator("#panorama-text");
+  await expect.poll(() => caption.textContent()).toMatch(withLibrary ? /invented$/ : /ahead$/);
   const json = JSON.parse((await saved(page, "#save-json")).toString());
   const hdr = decodedHdr(await saved(page, "#save-hdr"));
   await leave(/Failed to load resource/);

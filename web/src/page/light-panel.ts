@@ -4,6 +4,7 @@ import {
   type Light,
   type Lighting,
   type Matrix3x3,
+  SCENE_FILE,
   type SphereName,
   transposed,
 } from "deeplight/core";
@@ -67,6 +68,7 @@ export class LightPanel {
         await rest(REST_MS / 4);
       }
       paint("panorama", panoramaAhead(light, worldFromCamera));
+      box("panorama-text").textContent = `all around; the middle is ahead${invented(light)}`;
       await rest(REST_MS / 4);
     }
     this.drawing = false;
@@ -83,6 +85,14 @@ function panoramaAhead(light: Light, worldFromCamera: Matrix3x3 | null): ImageDa
   const heading = m ? Math.atan2(-m[2], m[8]) : 0;
   const rows = light.panorama ? PANORAMA_HEIGHT : COARSE_HEIGHT;
   return panoramaImage(light, rows, 0.5 - heading / (2 * Math.PI));
+}
+
+/** What is made up, where that is so. */
+function invented({ panorama }: Light): string {
+  const { detailOf } = panorama ?? {};
+  return detailOf && detailOf !== SCENE_FILE.itself
+    ? "; outside the photo, detail is invented"
+    : "";
 }
 
 function paint(id: string, picture: ImageData): void {
