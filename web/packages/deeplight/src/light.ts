@@ -29,7 +29,7 @@ export class Light {
     readonly lighting: Lighting,
     /** Where it comes from; null after `turned`, which leaves the camera's frame. */
     readonly about: About | null,
-    /** Compact lights, in the camera's frame and in the light already; none where none are known. */
+    /** Compact lights, the main light first, in the light already; none where none are known. */
     readonly lamps: readonly Lamp[] = [],
     /** The light at its own resolution, with what a camera saw; null for the network's ball alone. */
     readonly panorama: Environment | null = null,
@@ -51,9 +51,9 @@ export class Light {
     return inBothSigns(this.lighting.harmonics(2));
   }
 
-  /** The one light that stands out of its surroundings, and how much of the power it holds. */
+  /** The first of `lamps`; where there are none, what stands out of the surroundings. */
   get mainLight(): MainLight {
-    this.#main ??= this.lighting.mainLight();
+    this.#main ??= this.lighting.mainLight(this.lamps[0], this.panorama);
     return this.#main;
   }
 

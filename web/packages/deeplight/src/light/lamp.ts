@@ -18,6 +18,12 @@ export function luminous([red, green, blue]: Vector3): number {
   return LUMINANCE[0] * red + LUMINANCE[1] * green + LUMINANCE[2] * blue;
 }
 
+/** On a surface that faces it: pi sin^2(r) of its radiance, its flux over 4 pi sin^2(r / 2). */
+export function irradianceOf({ flux, angularRadiusRad }: Lamp): Vector3 {
+  const share = Math.cos(angularRadiusRad / 2) ** 2;
+  return [flux[0] * share, flux[1] * share, flux[2] * share];
+}
+
 /** A network's output of (1, lamps, 7): direction, ln flux, angular radius. */
 interface LampNumbers {
   readonly shape: readonly number[];

@@ -3,9 +3,11 @@
  * the camera, which looks along -Z. Radiance is linear and relative to the camera's white.
  */
 import { pixelFromRadiance } from "./camera-response.ts";
+import type { Environment } from "./environment.ts";
 import { equirectFromBall } from "./equirect.ts";
 import { project } from "./harmonics.ts";
-import { findMainLight, type MainLight } from "./main-light.ts";
+import type { Lamp } from "./lamp.ts";
+import { findMainLight, type MainLight, mainLightOf } from "./main-light.ts";
 import type { Matrix3x3 } from "./matrix.ts";
 import { coverage, radianceOfBall, turnedBall } from "./mirror-ball.ts";
 import { relit, SPHERE_SIZE, type SphereName } from "./spheres.ts";
@@ -73,7 +75,9 @@ export class Lighting {
     return pixels;
   }
 
-  mainLight(): MainLight {
+  /** The light that stands out: this lamp, if the light has lamps, else what is found on the ball. */
+  mainLight(lamp?: Lamp, panorama: Environment | null = null): MainLight {
+    if (lamp) return mainLightOf(lamp, this.radiance(), this.size, panorama);
     return findMainLight(this.radiance(), this.size);
   }
 }

@@ -1,7 +1,10 @@
 /** The one light that stands out of its surroundings, as harmonics.dominant_light finds it. */
 import { LUMINANCE, MAIN_LIGHT_CONE_RAD } from "../contract/generated.ts";
+import type { Environment } from "./environment.ts";
+import { addLamps, irradianceOf, type Lamp, lobeOnBall, luminous } from "./lamp.ts";
 import type { Vector3 } from "./matrix.ts";
-import { pixelDirection, solidAngles } from "./mirror-ball.ts";
+import { pixelDirection, powerOfBall, solidAngles } from "./mirror-ball.ts";
+import { ballFromPanorama } from "./panorama.ts";
 import { remembered } from "./remembered.ts";
 
 export interface MainLight {
@@ -45,6 +48,46 @@ export function findMainLight(radiance: Float32Array, size: number): MainLight {
     angularRadiusRad: Math.acos(Math.min(Math.max(1 - disc / (2 * Math.PI), -1), 1)),
     remainder: radiance.map((value, i) => value - excess[i]!),
   };
+}
+
+/**
+ * The first of a light's lamps, as environment.Environment.main_light has it.
+ *
+ * @param ball of the light, which holds the lamp: as a disc if it is made of a panorama, else as a lobe.
+ */
+export function mainLightOf(
+  lamp: Lamp,
+  ball: Float32Array,
+  size: number,
+  panorama: Environment | null,
+): MainLight {
+  const irradiance = irradianceOf(lamp);
+  const whole = powerOfBall(ball, size);
+  return {
+    direction: lamp.direction,
+    irradiance,
+    colour: scaled(irradiance, 1 / Math.max(...irradiance)),
+    share: luminous(lamp.flux) / luminous(whole),
+    angularRadiusRad: lamp.angularRadiusRad,
+    remainder: without(lamp, ball, size, panorama),
+  };
+}
+
+/** What a disc that was drawn a little otherwise clips is made good: the lamp's flux is what goes. */
+function without(lamp: Lamp, ball: Float32Array, size: number, panorama: Environment | null) {
+  const drawn = panorama ? discOnBall(lamp, size, panorama.height) : lobeOnBall(lamp, size);
+  const rest = ball.map((value, i) => Math.max(value - drawn[i]!, 0));
+  const [whole, left] = [powerOfBall(ball, size), powerOfBall(rest, size)];
+  return rest.map((value, i) => {
+    const c = (i % 3) as 0 | 1 | 2;
+    return (value * Math.max(whole[c] - lamp.flux[c], 0)) / Math.max(left[c], 1e-30);
+  });
+}
+
+function discOnBall(lamp: Lamp, size: number, height: number): Float32Array {
+  const disc = new Float32Array(6 * height ** 2);
+  addLamps(disc, [lamp], height);
+  return ballFromPanorama(disc, height, size);
 }
 
 /** Pixels of the cone that catches the most luminous power. */

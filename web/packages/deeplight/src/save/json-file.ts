@@ -11,9 +11,8 @@ import {
 } from "../estimate/framing.ts";
 import { likeliestTurn } from "../estimate/upright.ts";
 import { type Environment, resized } from "../light/environment.ts";
-import { type Lamp, luminous } from "../light/lamp.ts";
+import { irradianceOf, type Lamp } from "../light/lamp.ts";
 import type { Lighting } from "../light/lighting.ts";
-import { powerOfBall } from "../light/mirror-ball.ts";
 
 /** Where a light comes from. */
 export interface About {
@@ -83,12 +82,7 @@ function cameraGuess(heads: Readonly<Record<string, number>>): Record<string, un
 
 function lampEntry(lamp: Lamp): Record<string, unknown> {
   const { direction, flux, angularRadiusRad } = lamp;
-  return { direction, flux, irradiance: irradiance(lamp), angular_radius_rad: angularRadiusRad };
-}
-
-/** On a surface that faces it: pi sin^2(r) of its radiance, its flux over 4 pi sin^2(r / 2). */
-function irradiance({ flux, angularRadiusRad }: Lamp): readonly number[] {
-  return flux.map((value) => value * Math.cos(angularRadiusRad / 2) ** 2);
+  return { direction, flux, irradiance: irradianceOf(lamp), angular_radius_rad: angularRadiusRad };
 }
 
 function seenEntry({ seen, height, detailOf }: Environment): Record<string, unknown> {
@@ -122,19 +116,13 @@ function zlibbed(bytes: Uint8Array): Uint8Array {
 
 /** The first lamp; of a light without lamps what stands out of the ball. */
 function dominantLight(lighting: Lighting, lamp?: Lamp): Record<string, unknown> {
-  const light = lamp ? mainLightOf(lamp, lighting) : lighting.mainLight();
+  const light = lighting.mainLight(lamp);
   return {
     ...LIGHTING_FILE.dominant_light,
     primary_light_direction: light.direction,
     primary_light_intensity: light.irradiance,
     share_of_power: light.share,
   };
-}
-
-function mainLightOf(lamp: Lamp, lighting: Lighting) {
-  const whole = powerOfBall(lighting.radiance(), lighting.size);
-  const share = luminous(lamp.flux) / luminous(whole);
-  return { direction: lamp.direction, irradiance: irradiance(lamp), share };
 }
 
 function harmonics(lighting: Lighting): Record<string, unknown> {
