@@ -199,13 +199,17 @@ def light_golden() -> dict[str, Any]:
         "equirect_16": packed(lighting.latlong(16)),
         "spheres": {n: packed(s) for n, s in relight_rig(PAPER_RIG, lighting).items()},
         "of_16": _light_of_16(lighting),
-        "main_light": {
-            "direction": packed(main.direction),
-            "irradiance": packed(main.irradiance),
-            "share": main.share,
-            "angular_radius_rad": main.angular_radius_rad,
-            "remainder_harmonics": packed(harmonics.spherical_harmonics(main.remainder)),
-        },
+        "main_light": main_light_record(main),
+    }
+
+
+def main_light_record(main: harmonics.DominantLight) -> dict[str, Any]:
+    return {
+        "direction": packed(main.direction),
+        "irradiance": packed(main.irradiance),
+        "share": main.share,
+        "angular_radius_rad": main.angular_radius_rad,
+        "remainder_harmonics": packed(harmonics.spherical_harmonics(main.remainder)),
     }
 
 

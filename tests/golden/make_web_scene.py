@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from make_nouns import light
-from make_web import GOLDEN, as_text, packed
+from make_web import GOLDEN, as_text, main_light_record, packed
 
 from deeplight import lobe
 from deeplight.estimators import fill, projection
@@ -140,6 +140,7 @@ def _scene(
             "hw,hwc->c", latlong.solid_angles(SCENE_ROWS, 2 * SCENE_ROWS), environment.radiance
         ).tolist(),
         "as_ball": packed(environment.lighting.radiance),
+        "main_light": main_light_record(environment.main_light),
         "elsewhere": elsewhere_record(scene),
     }
 

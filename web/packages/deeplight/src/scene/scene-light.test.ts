@@ -10,8 +10,10 @@ import {
 import { SCENE_FILE } from "../contract/generated.ts";
 import { radianceFromPixel } from "../light/camera-response.ts";
 import type { Lamp } from "../light/lamp.ts";
+import { Lighting } from "../light/lighting.ts";
 import type { Vector3 } from "../light/matrix.ts";
 import { ballFromPanorama, enlarged, powerOf } from "../light/panorama.ts";
+import { Light } from "../light.ts";
 import { continued, type Tilt } from "./continuation.ts";
 import { detailed, type LibraryPlace, sureKind } from "./detail.ts";
 import { planeOf, projected, reducedSize } from "./image-plane.ts";
@@ -114,6 +116,17 @@ describe.each(["lamps", "no_lamps", "upright", "indoor", "outdoor"] as const)(
           expect(flux / other.flux[c as 0]).toBeCloseTo(1, 3);
         });
       });
+    });
+
+    test.skipIf(want.lamps.length === 0)("has Python's main light: its first lamp", () => {
+      const got = scene(name);
+      const { direction, irradiance, share, remainder } = Light.of(got, null, got.lamps).mainLight;
+      const main = want.main_light;
+      expect(largestError(direction, floats(main.direction))).toBeLessThan(1e-3);
+      expect(largestError(irradiance, floats(main.irradiance))).toBeLessThan(2e-3);
+      expect(share).toBeCloseTo(main.share, 2);
+      const left = Lighting.fromRadiance(remainder).harmonics(2);
+      expect(largestError(left, floats(main.remainder_harmonics))).toBeLessThan(0.02);
     });
   },
 );
