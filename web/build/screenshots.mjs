@@ -27,7 +27,7 @@ const PHONE = [390, 844];
 const LARGER = 4;
 const shots = [
   { size: PHONE, show: async () => {} },
-  { size: PHONE, show: (page) => view(page, 3, "Bunny", "Grey", "material") },
+  { size: PHONE, show: (page) => view(page, 3, "Bunny", "Mirror", "material") },
   { size: PHONE, show: live },
   { size: [1280, 800], show: (page) => view(page, 1, "Bunny", "Matte silver", null) },
   { size: [844, 390], show: (page) => view(page, 2, "Ball", "Mirror", null) },
