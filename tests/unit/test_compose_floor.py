@@ -89,3 +89,9 @@ def test_of_a_pitch_that_is_only_assumed_no_floor_is_sure():
     view, (note,) = viewpoint_of(CAMERA, CameraPlacement(), guessed)
     assert view.doubt_rad == guessed.scale_rad
     assert note == "camera pitch from a guess: -17 degrees, rolled by 11"
+
+
+@pytest.mark.parametrize(("size_m", "warned"), [(0.5, False), (30.0, True)])
+def test_an_object_around_the_camera_is_warned_of(size_m, warned):
+    _, notes = placed(doubtful(-20, 0), [Item("sphere", at=(150.0, 300.0), size_m=size_m)])
+    assert any("camera may be inside" in note for note in notes) is warned

@@ -151,6 +151,10 @@ def placed(
         solids.append(Solid(meshes, item.material or _own_material(item)))
         away = float(np.linalg.norm(point - [0, viewpoint.height_m, 0]))
         notes.append(f"{item.object}: {size:.3g} m at ({x:.0f}, {y:.0f}), {away:.3g} m away")
+        if solids[-1].may_hold([0, viewpoint.height_m, 0]):
+            notes.append(
+                f"{WARNING}the camera may be inside {item.object}: make it smaller (--size)"
+            )
         if any(mesh.finish.lost for mesh in meshes):
             notes.append(f"{item.object}: a texture or material could not be read, left out")
         more_notes = sorted({note for mesh in meshes for note in mesh.finish.notes})

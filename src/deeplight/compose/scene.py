@@ -35,6 +35,11 @@ class Solid:
         """Every vertex."""
         return np.concatenate([mesh.vertices for mesh in self.meshes])
 
+    def may_hold(self, point: Sequence[float]) -> bool:
+        """Whether a point lies within its bounds along the axes."""
+        least, most = self.vertices.min(0), self.vertices.max(0)
+        return bool(((least < point) & (point < most)).all())
+
 
 @dataclass(frozen=True, eq=False)
 class Texture:
