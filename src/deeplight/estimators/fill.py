@@ -104,7 +104,7 @@ def detailed(
         kind: of place.
     """
     place, columns, flip = best_place(*_level(smooth, photo, level_from_camera), kind)
-    detail = place.detail()[:, ::-1] if flip else place.detail()
+    detail = _detail_of(place)[:, ::-1] if flip else _detail_of(place)
     detail = np.roll(detail, columns * (DETAIL_ROWS // ROWS), axis=1)
     texels = turned(latlong.directions(DETAIL_ROWS, 2 * DETAIL_ROWS), level_from_camera)
     ratio = resample.sample_latlong(detail, texels)
@@ -117,16 +117,22 @@ def detailed(
     return times(rich, gain), place.name
 
 
+@lru_cache(maxsize=4)  # the next photo is often of the same place
+def _detail_of(place: LibraryPlace) -> Float32[np.ndarray, "height width 3"]:
+    return place.detail()
+
+
 def _level(
     smooth: Float32[np.ndarray, "height width 3"], photo: ProjectedPhoto, from_camera: Rotation
 ) -> tuple[Float32[np.ndarray, "16 32 3"], Float32[np.ndarray, "16 32"]]:
     """ln radiance with the photo in it, horizon level, and how much of it is seen."""
     texels = turned(latlong.directions(4 * ROWS, 8 * ROWS), from_camera.T)
-    seen = latlong.nearest(photo.seen, texels)[..., None]
-    shown = latlong.nearest(photo.radiance, texels)
     light = resample.sample_latlong(smooth, texels)
-    light += (shown - light) * seen
-    return smooth_of(light), resample.shrink(seen, ROWS, 2 * ROWS)[..., 0]
+    seen = latlong.nearest(photo.seen, texels)
+    is_seen = seen > 0
+    shown = latlong.nearest(photo.radiance, texels[is_seen])
+    light[is_seen] += (shown - light[is_seen]) * seen[is_seen][:, None]
+    return smooth_of(light), resample.shrink(seen[..., None], ROWS, 2 * ROWS)[..., 0]
 
 
 def best_place(
