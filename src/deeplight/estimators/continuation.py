@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from deeplight.estimators.projection import ProjectedPhoto, smoothstep
-from deeplight.estimators.surroundings import enlarged, power_of, times
+from deeplight.estimators.surroundings import hidden_kept
 from deeplight.frames import VIEW, normalised
 from deeplight.io.tilt import Tilt
 from deeplight.mappings import latlong
@@ -96,10 +96,7 @@ def continued(
     factor += back
     np.exp(factor, out=factor)
     result = surroundings * np.ascontiguousarray(np.moveaxis(factor, 0, -1))
-    unseen = 1 - enlarged(photo.seen_in_64_rows[..., None], height)
-    unseen = unseen.repeat(3, axis=2)
-    gain = power_of(surroundings * unseen) / np.maximum(power_of(result * unseen), 1e-30)
-    return times(result, gain)
+    return hidden_kept(result, surroundings, photo)
 
 
 def _change(

@@ -21,7 +21,7 @@ from PIL import Image
 from deeplight.camera_response import LUMINANCE
 from deeplight.errors import ConfigError
 from deeplight.estimators.projection import ProjectedPhoto
-from deeplight.estimators.surroundings import enlarged, power_of, times
+from deeplight.estimators.surroundings import enlarged, hidden_kept
 from deeplight.frames import Rotation, turned
 from deeplight.mappings import latlong, resample
 
@@ -112,9 +112,7 @@ def detailed(
     rich = plain * np.exp(ratio, out=ratio)
     before, after = (resample.shrink(v, ROWS, 2 * ROWS) for v in (plain, rich))
     rich *= enlarged(before / np.maximum(after, _STRAY), DETAIL_ROWS)
-    unseen = 1 - enlarged(photo.seen_in_64_rows[..., None], DETAIL_ROWS)
-    gain = power_of(plain * unseen) / np.maximum(power_of(rich * unseen), 1e-30)
-    return times(rich, gain), place.name
+    return hidden_kept(rich, plain, photo), place.name
 
 
 @lru_cache(maxsize=4)  # the next photo is often of the same place

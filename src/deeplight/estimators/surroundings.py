@@ -14,7 +14,13 @@ from jaxtyping import Bool, Float, Float32, Int
 from deeplight.area_means import mean_over_squares
 from deeplight.banded import BLAS_ALONE, Bands, bands, together
 from deeplight.camera_response import CameraResponse
-from deeplight.estimators.projection import CLIPPED, MOST_SHOWN, ImagePlane, smoothstep
+from deeplight.estimators.projection import (
+    CLIPPED,
+    MOST_SHOWN,
+    ImagePlane,
+    ProjectedPhoto,
+    smoothstep,
+)
 from deeplight.frames import normalised
 from deeplight.mappings import latlong, mirror_ball, resample
 
@@ -135,6 +141,18 @@ def times(
     """A panorama times one number per channel, by whole rows: numpy is slow by threes."""
     row = np.tile(factor.astype(np.float32), radiance.shape[1])
     return (radiance.reshape(-1, row.size) * row).reshape(radiance.shape)
+
+
+def hidden_kept(
+    changed: Float32[np.ndarray, "height width 3"],
+    before: Float32[np.ndarray, "height width 3"],
+    photo: ProjectedPhoto,
+) -> Float32[np.ndarray, "height width 3"]:
+    """A changed map times what keeps the power of what the photo does not show, by channels."""
+    unseen = 1 - enlarged(photo.seen_in_64_rows[..., None], len(before))
+    unseen = unseen.repeat(3, axis=2)  # numpy is slow where its inner loop is a texel's three
+    gain = power_of(before * unseen) / np.maximum(power_of(changed * unseen), 1e-30)
+    return times(changed, gain)
 
 
 def adapted(
